@@ -19,6 +19,15 @@ namespace fit {
           .logarithmic = false};
 }
 
+[[nodiscard]] inline Parameter width_of_sector() {
+  return {.name = "width_deg",
+          .role = Parameter::Role::shape,
+          .scale = Parameter::Scale::width,
+          .lower = 3,
+          .upper = 50,
+          .starts = 4};
+}
+
 /// How far a beam lies from the middle, in widths of the sector.
 [[nodiscard]] inline double widths_from_centre(const Circumstances& c, double centre_deg, double width_deg) {
   return wrap_angle(c.beam_rad - centre_deg * rad_per_deg) * deg_per_rad / width_deg;

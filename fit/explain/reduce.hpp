@@ -206,15 +206,11 @@ void predict(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
              bool may_leave_out);
 
 /// Says anew which cells may be compared, once mount and walls are fitted: leaves out those that meet another
-/// target or a corner there (if it `may_leave_out`), and takes doubtful ones in again that are farther from
-/// corners and edges than what is left of the doubt, and than `footprint_rad`, the beam's standard half width
-/// if it is known. Returns how many changed.
+/// target or a corner there, and takes doubtful ones in again that are farther from corners and edges than
+/// what is left of the doubt, and than `footprint_rad`, the beam's standard half width if it is known.
+/// Returns how many changed.
 int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work,
-             double footprint_rad, bool may_leave_out);
-
-/// States of cells that count and meet another target there than their own by how much both are apart. They
-/// are seen on their own target's plane, and stay rows of it.
-void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work);
+             double footprint_rad);
 
 /// How a search takes a large session, so that about so many rows remain: as many of every
 /// group, or all that it has. So many neighbouring cells come together; where that would be too wide for the

@@ -14,12 +14,7 @@ Mechanism make_local_noise() {
   m.formula_error = 0.25;
   m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
                   centre_of_sector(),
-                  {.name = "width_deg",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::width,
-                   .lower = 3,
-                   .upper = 50,
-                   .starts = 4},
+                  width_of_sector(),
                   ends_of_sector("exponent")};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.variance_mm2 = p[0] * p[0] * share_of_sector(widths_from_centre(c, p[1], p[2]), p[3])};

@@ -35,12 +35,7 @@ Mechanism make_sunlight() {
   m.formula_error = 0.25;
   m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
                   centre_of_sector(),
-                  {.name = "width_deg",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::width,
-                   .lower = 3,
-                   .upper = 50,
-                   .starts = 4},
+                  width_of_sector(),
                   {.name = "from_s",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::from,

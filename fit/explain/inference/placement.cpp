@@ -76,7 +76,7 @@ class Places {
   }
   /// Returns how many cells changed.
   int reassigned() {
-    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad, true);
+    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad);
   }
   /// Which surface samples beside edges met.
   void share_out_edges() {

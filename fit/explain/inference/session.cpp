@@ -172,7 +172,7 @@ void Session::linearise(const Hypothesis& at) {
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
   reduction::doubt_wide_beams(reduced_, present_noise_.spread_rad);
-  doubt_other_targets(reduced_, there, at_work);
+  reduction::doubt_other_targets(reduced_, there, at_work);
   make_channels(present_noise_);
   // Otherwise columns change by less than a screen asks for.
   if (!is_as_noisy || row_counts() != before)

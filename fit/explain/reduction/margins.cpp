@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/reduction/margins.hpp"
 
+#include <algorithm>
 #include <cmath>
+
+#include "fit/explain/reduction/effect_there.hpp"
 
 namespace fit::explain::reduction {
 
@@ -35,6 +38,20 @@ void doubt_wide_beams(Reduced& reduced, double width_rad) {
     const bool at_edge = std::abs(cell.at.edge_rad) < reach_rad && cell.at.gap_mm > 0,
                at_corner = cell.at.corner_mm * cell.sight.cos_incidence() < reach_rad * range_mm;
     cell.mixed_mm = at_edge ? cell.at.gap_mm : at_corner ? width_rad * range_mm : 0;
+  }
+}
+
+void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work) {
+  const Nuisance there = displaced(reduced, nuisance, at_work);
+  for (const Group& group : reduced.groups) {
+    const Scene scene = reduced.scene_of(group, there);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      Cell& cell = reduced.cells[i];
+      if (!cell.smooth) continue;
+      const Sight met = scene.look(group.stage_rad, cell.beam_rad, effect_there(reduced, at_work, cell.at));
+      if (met.target < 0 || met.target == cell.sight.target) continue;
+      cell.mixed_mm = std::max(cell.mixed_mm, std::abs(met.range_mm - cell.sight.range_mm));
+    }
   }
 }
 

@@ -45,4 +45,8 @@ inline constexpr double widths_of_beam = 3.5;
 /// How a receiver mixes both no formula says well enough.
 void doubt_wide_beams(Reduced& reduced, double width_rad);
 
+/// States of cells that count and meet another target there than their own by how much both are apart. They
+/// are seen on their own target's plane, and stay rows of it.
+void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work);
+
 }  // namespace fit::explain::reduction

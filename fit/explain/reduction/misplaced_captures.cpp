@@ -32,7 +32,7 @@ class Stop {
     double misfit = 0;  ///< On average, of what is allowed at most.
   };
   [[nodiscard]] Fit fit_at(double stage_rad, double target_shift_mm) const {
-    constexpr double usual_mm = 60, uncertainties = 3;
+    constexpr double usual_mm = 60;
     CaptureInfo there = reduced_.capture_of(group_);
     there.target_shift_mm = target_shift_mm;
     const Scene scene(reduced_.bench, as_stated_, there,
@@ -44,7 +44,7 @@ class Stop {
       const double off = sight.target < 0
                              ? 1
                              : std::abs(cell->mean_mm - sight.range_mm) /
-                                   (usual_mm + uncertainties * misplaced_mm(reduced_.bench, sight));
+                                   (usual_mm + doubt_of_mount * misplaced_mm(reduced_.bench, sight));
       fit.misfit += each * std::min(1.0, off);
       if (off < 1) fit.share += each;
     }

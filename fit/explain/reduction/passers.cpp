@@ -89,12 +89,11 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
   const Mount& mount = reduced.bench.lidar.mount;
   // Millimetres by which a cell is off for sure; beside an edge it may meet the other surface.
   const auto off_mm = [&](const Cell& cell) {
-    constexpr double uncertainties = 3;
     const double doubt_mm =
-        nearer_mm(reduced.group_of(cell).sigma_mm) + uncertainties * misplaced_mm(reduced.bench, cell.sight);
+        nearer_mm(reduced.group_of(cell).sigma_mm) + doubt_of_mount * misplaced_mm(reduced.bench, cell.sight);
     const double off = cell.mean_mm - cell.nominal_mm, range_mm = cell.sight.range_mm;
     const bool beside_edge =
-        std::abs(cell.at.edge_rad) < beside_rad + sway_mm(mount, range_mm, uncertainties) / range_mm;
+        std::abs(cell.at.edge_rad) < beside_rad + sway_mm(mount, range_mm, doubt_of_mount) / range_mm;
     return cell.n == 0 || beside_edge || std::abs(off) < doubt_mm ? 0 : off;
   };
   std::map<int, Seen> of_target;

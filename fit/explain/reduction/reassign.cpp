@@ -28,13 +28,12 @@ struct Met {
 class Reassignment {
  public:
   Reassignment(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
-               double footprint_rad, bool may_leave_out)
+               double footprint_rad)
       : reduced_(reduced),
         at_work_(at_work),
         nuisance_(displaced(reduced, fitted, at_work)),
         seen_(seen_edges(reduced, fitted, at_work)),
-        width_rad_(footprint_rad > 0 ? footprint_rad : reduction::usual_width_rad),
-        may_leave_out_(may_leave_out) {}
+        width_rad_(footprint_rad > 0 ? footprint_rad : reduction::usual_width_rad) {}
 
   /// Returns how many cells changed.
   int run() {
@@ -44,7 +43,7 @@ class Reassignment {
       const std::vector<Edge> edges = scene.edges(group.stage_rad);
       for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
         Cell& cell = reduced_.cells[i];
-        if (!cell.doubtful && !(cell.smooth && may_leave_out_)) continue;
+        if (!cell.doubtful && !cell.smooth) continue;
         const Met now = met_by(cell, group, scene, edges);
         changed += cell.smooth ? leaves_out(cell, now) : takes_in(cell, now, group);
       }
@@ -132,29 +131,13 @@ class Reassignment {
   Nuisance nuisance_;
   std::map<int, SeenEdge> seen_;
   double width_rad_;
-  bool may_leave_out_;
 };
 
 }  // namespace
 
 int reassign(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
-             double footprint_rad, bool may_leave_out) {
-  return Reassignment(reduced, fitted, at_work, footprint_rad, may_leave_out).run();
-}
-
-void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::vector<Active>& at_work) {
-  const Nuisance there = displaced(reduced, nuisance, at_work);
-  for (const Group& group : reduced.groups) {
-    const Scene scene = reduced.scene_of(group, there);
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      Cell& cell = reduced.cells[i];
-      if (!cell.smooth) continue;
-      const Sight met =
-          scene.look(group.stage_rad, cell.beam_rad, reduction::effect_there(reduced, at_work, cell.at));
-      if (met.target < 0 || met.target == cell.sight.target) continue;
-      cell.mixed_mm = std::max(cell.mixed_mm, std::abs(met.range_mm - cell.sight.range_mm));
-    }
-  }
+             double footprint_rad) {
+  return Reassignment(reduced, fitted, at_work, footprint_rad).run();
 }
 
 }  // namespace fit::explain

@@ -48,7 +48,7 @@ TEST_CASE("beams of a turning stage that are taken together on both sides of a c
   fit::explain::Nuisance there(reduced.bench);
   there.yaw_rad = yaw_deg * degree;
   predict(reduced, there, {}, false);
-  fit::explain::reassign(reduced, there, {}, 0, true);
+  fit::explain::reassign(reduced, there, {}, 0);
   int smooth = 0;
   double worst_mm2 = 0;
   for (const Cell& cell : reduced.cells) {
