@@ -4,10 +4,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <vector>
 
 /// Rounds of a test with one seed each: a fifth of them in the suite, all where RIG_ALL_ROUNDS is set
 /// (scripts/test --long). Tests with such rounds have the tag [rounds].
 inline unsigned rounds(unsigned all) { return std::getenv("RIG_ALL_ROUNDS") ? all : (all + 4) / 5; }
+
+/// Cases of a test: every second in the suite, from the first; all of them with all rounds.
+template <class Case>
+std::vector<Case> some_of(const std::vector<Case>& all) {
+  std::vector<Case> some;
+  for (std::size_t i = 0; i < all.size(); i += std::getenv("RIG_ALL_ROUNDS") ? 1 : 2) some.push_back(all[i]);
+  return some;
+}
 
 /// Of so many tries that succeed with that probability, fewer succeed once in a hundred times.
 inline int least_successes(int tries, double probability) {

@@ -13,6 +13,7 @@
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/reduction/margins.hpp"
 #include "plain_scenes.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_edges_test {
 namespace {
@@ -78,8 +79,9 @@ TEST_CASE("how much angles happen to scatter in a few scans is no course of the 
   CHECK(sigma.u > 0.4 / std::sqrt(2.0 * 24 * 7) / 2);  // of so many scans, however many beams
 }
 
-TEST_CASE("angles drawn anew for every scan shift a corridor's walls to and fro, and are no lamp") {
-  for (const unsigned seed : {21U, 22U}) {
+TEST_CASE("angles drawn anew for every scan shift a corridor's walls to and fro, and are no lamp",
+          "[rounds]") {
+  for (const unsigned seed : some_of<unsigned>({21, 22})) {
     const PlainScene scene{.walls = plain_bench::corridor, .steps = 271, .front_step = 135, .step_deg = 1};
     SyntheticRecording recording = plain_bench::recorded(scene, seed, jitter(0.03));
     plain_bench::turn_round(recording, scene, 16, 150);

@@ -7,6 +7,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "plain_room.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_incidence_test {
 namespace {
@@ -99,8 +100,9 @@ const std::vector<plain_bench::Wall> corridor{{{5800, -900}, {5800, 850}},
 
 TEST_CASE(
     "a pulse stretched by slanted walls is told as that, be the spot round or long and turning with the "
-    "mirror") {
-  const Spot spot = GENERATE(Spot{3, 3}, Spot{5, 5}, Spot{6, 1});
+    "mirror",
+    "[rounds]") {
+  const Spot spot = GENERATE(from_range(some_of<Spot>({{3, 3}, {5, 5}, {6, 1}})));
   const Explanation e = explained(plain_bench::room, spot, 1);
   INFO(to_text(e));
   CHECK_FALSE(e.unknown);
@@ -121,8 +123,10 @@ TEST_CASE(
   CHECK(std::abs(side.value - spot.short_mrad / spot.long_mrad) < 3 * side.u);
 }
 
-TEST_CASE("where a corridor's far walls hardly reach a threshold, what their slant does bends back") {
-  const Explanation e = explained(corridor, GENERATE(Spot{5, 5, 0.4}, Spot{3, 3, 0.4}), 2);
+TEST_CASE("where a corridor's far walls hardly reach a threshold, what their slant does bends back",
+          "[rounds]") {
+  const Explanation e =
+      explained(corridor, GENERATE(from_range(some_of<Spot>({{5, 5, 0.4}, {3, 3, 0.4}}))), 2);
   INFO(to_text(e));
   CHECK_FALSE(e.unknown);
   if (e.mechanisms.empty()) {

@@ -5,6 +5,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "plain_scenes.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_scenes_test {
 namespace {
@@ -43,24 +44,24 @@ bool names_or_holds(const Explanation& e, const char* id) {
 
 }  // namespace
 
-TEST_CASE("nothing is missing in scenes of any shape") {
-  const auto& [scene, what] =
-      GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
-                                               {corridor, "a corridor"},
-                                               {furnished, "boards before walls"},
-                                               {with_posts, "round posts"},
-                                               {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+TEST_CASE("nothing is missing in scenes of any shape", "[rounds]") {
+  const auto& [scene, what] = GENERATE(from_range(
+      some_of<std::pair<PlainScene, const char*>>({{l_room, "an L-shaped room"},
+                                                   {corridor, "a corridor"},
+                                                   {furnished, "boards before walls"},
+                                                   {with_posts, "round posts"},
+                                                   {at_spacing(l_room, 1), "beams 1 deg apart"}})));
   const Explanation e = explained(scene, 3, nothing);
   INFO(what << "\n" << to_text(e));
   CHECK(e.verdict == "nothing-missing");
 }
 
-TEST_CASE("a code disk off its axis is found in scenes of any shape") {
-  const auto& [scene, what] =
-      GENERATE(table<PlainScene, const char*>({{l_room, "an L-shaped room"},
-                                               {furnished, "boards before walls"},
-                                               {with_posts, "round posts"},
-                                               {at_spacing(l_room, 1), "beams 1 deg apart"}}));
+TEST_CASE("a code disk off its axis is found in scenes of any shape", "[rounds]") {
+  const auto& [scene, what] = GENERATE(from_range(
+      some_of<std::pair<PlainScene, const char*>>({{l_room, "an L-shaped room"},
+                                                   {furnished, "boards before walls"},
+                                                   {with_posts, "round posts"},
+                                                   {at_spacing(l_room, 1), "beams 1 deg apart"}})));
   const Explanation e = explained(scene, 4, [](double beam, double, double) {
     return Deviation{.beam_rad = 0.12 * degree * std::sin(beam + 0.7)};
   });

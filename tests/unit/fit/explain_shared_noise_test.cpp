@@ -10,6 +10,7 @@
 #include "fit/explain/reduce.hpp"
 #include "noise_findings.hpp"
 #include "plain_room.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_shared_noise_test {
 namespace {
@@ -104,8 +105,8 @@ TEST_CASE("scans of two echoes say nothing of noise that neighbours share") {
   CHECK(fit::explain::model::inflation_of_sums(reduced) == 1);
 }
 
-TEST_CASE("noise that neighbouring beams share is no angle of whole scans: it is unknown") {
-  for (const int beams_alike : {4, 12, 40}) {
+TEST_CASE("noise that neighbouring beams share is no angle of whole scans: it is unknown", "[rounds]") {
+  for (const int beams_alike : some_of<int>({4, 12, 40})) {
     const NoiseFindings found = found_in({.beams_alike = beams_alike, .share = 0.5, .seed = 3});
     INFO(beams_alike << " beams alike: " << found.in_words());
     CHECK(found.accepted.empty());

@@ -9,6 +9,7 @@
 #include "fit/explain/next_experiment.hpp"
 #include "fit/explain/reduce.hpp"
 #include "fit/find_by_id.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_test {
 namespace {
@@ -151,9 +152,9 @@ TEST_CASE("nothing is found where nothing is missing") {
   }
 }
 
-TEST_CASE("nothing is found where the stage turned and nothing is missing") {
+TEST_CASE("nothing is found where the stage turned and nothing is missing", "[rounds]") {
   // Beams aslant are far from their first prediction there: what is sorted out must not depend on the noise.
-  for (const unsigned seed : {1u, 2u, 3u}) {
+  for (const unsigned seed : some_of<unsigned>({1, 2, 3})) {
     ImaginedRoom room;
     room.seed = seed;
     room.rate_deg_s = 25;
@@ -229,8 +230,8 @@ TEST_CASE("a pattern of scans that grows is no mirror") {
   CHECK_THAT(e.unknown->describes, Catch::Contains("same every 2 scans, and more and more so"));
 }
 
-TEST_CASE("a step of the range along the beams is told as one, or nothing is told for certain") {
-  for (const double step_mm : {0.3, 0.5, 0.7, 1.0, 2.0}) {
+TEST_CASE("a step of the range along the beams is told as one, or nothing is told for certain", "[rounds]") {
+  for (const double step_mm : some_of<double>({0.3, 0.5, 1, 2, 0.7})) {
     ImaginedRoom room;
     room.stretch = [step_mm](double beam, double, double) { return beam > 0.3 ? step_mm : 0; };
     const Explanation e = explanation_of(room);

@@ -81,9 +81,10 @@ TEST_CASE(
   check_unknown(spread_of(of_range, 4), fit::Observable::range_variance, fit::Coordinate::range);
 }
 
-TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a profile of its own") {
+TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a profile of its own",
+          "[rounds]") {
   // A window lets light in with ends that are sharper than the formula's.
-  for (const double strength : {0.5, 3.0, 10.0}) {
+  for (const double strength : some_of<double>({0.5, 3, 10})) {
     const auto light =
         with_more([&](double beam, double) { return strength / (1 + std::pow((beam - 0.3) / 0.25, 6)); });
     const NoiseFindings result = spread_of(light, 5);
@@ -94,7 +95,7 @@ TEST_CASE("noise of the catalogue keeps its name, strong as it may be and with a
     CHECK(result.in_words().find("local-noise") != std::string::npos);
     for (const auto& found : result.accepted) CHECK(found.mechanism->id != "sunlight");
   }
-  for (const double strength : {1.0, 5.0}) {
+  for (const double strength : some_of<double>({1, 5})) {
     const auto weak = with_more(
         [&](double beam, double range) { return strength * std::pow(range / 3000 / std::cos(beam), 2); });
     const NoiseFindings result = spread_of(weak, 6);

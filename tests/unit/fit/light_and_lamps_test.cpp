@@ -160,7 +160,7 @@ TEST_CASE("echoes that light hides for a while are sunlight at these beams and t
 TEST_CASE("a lamp's flicker is unknown physics with its frequency, and nothing else is named for it",
           "[rounds]") {
   int named = 0;
-  for (const double hz : {100.0, 50.0, 133.0, 172.0})
+  for (const double hz : some_of<double>({100, 50, 133, 172}))
     for (unsigned seed = 1; seed <= rounds(2); ++seed) {
       const int scans = hz == 100 ? 24 : 10;
       const Explanation e = explained(
@@ -212,8 +212,8 @@ TEST_CASE("slanted surfaces that scatter more without an edge in sight: echo and
   CHECK(std::ranges::count(names, "nothing-missing") == 0);
 }
 
-TEST_CASE("without light nothing is reported") {
-  for (const unsigned seed : {1u, 2u, 3u}) {
+TEST_CASE("without light nothing is reported", "[rounds]") {
+  for (const unsigned seed : some_of<unsigned>({1, 2, 3})) {
     const Explanation e = explained([](double, double, double) { return Light{}; }, seed == 3 ? 24 : 8, seed);
     INFO(to_text(e));
     CHECK(e.verdict == "nothing-missing");
