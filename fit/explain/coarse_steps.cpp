@@ -57,9 +57,9 @@ std::vector<double> coherence(const std::vector<long>& shown, double all) {
   return shares;
 }
 
-/// The comb of about that step on which most ranges lie; none if some lie beside it.
-std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, double all) {
-  constexpr double nearly_all = 0.97, log_of_exception = 5;  // how improbable a range beside the steps is
+/// The comb of about that step on which most ranges lie; none if more lie beside it than come from elsewhere.
+std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, double all, double strays) {
+  constexpr double nearly_all = 0.97, few = 0.007;  // of samples that are no strays, beside the steps
   Steps steps{.step_mm = step_mm};
   double on = 0;
   for (int pass = 0; pass < 3; ++pass) {
@@ -84,13 +84,24 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
     steps.step_mm += line.slope();
     steps.u_mm = std::sqrt(rounding_mm2 / line.spread());
   }
-  if (on < nearly_all * all) return {};
-  steps.gain = on * std::log(steps.step_mm) - (all - on) * log_of_exception;
+  if (on < nearly_all * (1 - strays) * all) return {};
+  const double anywhere = strays + few;
+  steps.gain = on * std::log((1 - anywhere) * steps.step_mm + anywhere) + (all - on) * std::log(anywhere);
   return steps;
 }
 
+/// Share of samples that are too far from their targets: where they come from, no comb may be.
+double share_of_strays(const std::vector<Cell>& cells) {
+  double near = 0, stray = 0;
+  for (const Cell& cell : cells) {
+    near += cell.n;
+    stray += cell.stray;
+  }
+  return near > 0 ? stray / (near + stray) : 0;
+}
+
 /// The coarsest step of which nearly all ranges are a multiple.
-std::optional<Steps> coarsest(const std::vector<long>& shown) {
+std::optional<Steps> coarsest(const std::vector<long>& shown, double strays) {
   constexpr double fewest = 200, coarsest_mm = 50, finest_mm = 2, in_step = 0.5;
   double all = 0;
   for (const long count : shown) all += static_cast<double>(count);
@@ -100,7 +111,7 @@ std::optional<Steps> coarsest(const std::vector<long>& shown) {
   for (std::size_t k = first; k + 1 < shares.size() && k <= window / finest_mm; ++k) {
     if (shares[k] < in_step || shares[k] < shares[k - 1] || shares[k] < shares[k + 1]) continue;
     const std::optional<Steps> steps =
-        comb_near(shown, static_cast<double>(window) / static_cast<double>(k), all);
+        comb_near(shown, static_cast<double>(window) / static_cast<double>(k), all, strays);
     if (steps) return steps;
   }
   return {};
@@ -110,7 +121,7 @@ std::optional<Steps> coarsest(const std::vector<long>& shown) {
 
 void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result) {
   constexpr double improbable = 15;  // gain: a mechanism, its step, and single samples that decide
-  const std::optional<Steps> found = coarsest(reduced.shown);
+  const std::optional<Steps> found = coarsest(reduced.shown, share_of_strays(reduced.cells));
   if (!found || found->gain < improbable) return;
   // A parked target without noise repeats itself too: then its spread is far below the step.
   if (sigma_mm < 0.25 * found->step_mm && reduced.cells.size() < 50) return;

@@ -88,6 +88,21 @@ TEST_CASE("outliers beside an eccentricity are both named") {
   CHECK(e.mechanisms.size() == 2);
 }
 
+TEST_CASE("coarse steps of the range are told beside samples that come from anywhere") {
+  constexpr double step_mm = 6.2;
+  const Explanation e = explained(room_of(1), 19, nothing, [](const Sample& sample, std::mt19937& random) {
+    std::uniform_real_distribution<double> share;
+    return share(random) < 0.05 ? 60 + 9940 * share(random) : step_mm * std::round(sample.range_mm / step_mm);
+  });
+  INFO(to_text(e));
+  CHECK(names(e, "outliers"));
+  CHECK(names(e, "rounding"));
+  CHECK(e.mechanisms.size() == 2);
+  for (const auto& found : e.mechanisms)
+    if (found.mechanism->id == "rounding")
+      CHECK(found.parameters.at("step_mm").value == Approx(step_mm).margin(0.01));
+}
+
 TEST_CASE(
     "another scale of the range in a sector of the beams is told as that, and nothing is named for it") {
   const Explanation e = explained(room_of(1), 16, nothing, [](const Sample& sample, std::mt19937&) {
