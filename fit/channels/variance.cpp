@@ -47,13 +47,14 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
           std::max(least_share, model::share_in_sample_variance(n, noise.memory_rho, noise.memory_share));
     return at->second;
   };
+  const OutputSteps& steps = reduced.output_steps;
   auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, IndependentRows::Row& row) {
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth || cell.n < 3) return false;
     const double f = cell.n - 1;
     row.y = (row.y * row.n + f * cell.variance_mm2 / share_of(cell.n)) / (row.n + f);
     const double expected =
-        cell.of_scans_mm2 + cell.of_joining_mm2() + reduced.output_steps.variance_mm2(cell.sight.range_mm);
+        cell.of_scans_mm2 + cell.of_joining_mm2() + steps.variance_mm2(steps.place_of(cell.nominal_mm));
     row.expected = (row.expected * row.n + f * expected) / (row.n + f);
     row.n += f;
     kurtosis += f * cell.kurtosis;

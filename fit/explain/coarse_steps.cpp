@@ -21,27 +21,14 @@ struct Steps {
   double gain = 0;  ///< Of the log-likelihood, over any whole number.
 };
 
-/// What coarse steps do to means where the noise does not fill them.
-Mechanism bias_of_rounding(const OutputSteps& steps) {
-  Mechanism m;
-  m.id = rounding;
-  m.coordinate = Coordinate::range;
-  m.formula_error = 0;
-  m.act = [steps](const Circumstances& c, std::span<const double>) {
-    return Effect{.range_mm = steps.bias_mm(c.range_mm)};
-  };
-  return m;
-}
-
-/// Variance of a sample about its cell's mean, mm^2.
-double scatter_of_samples(const Reduced& reduced, double otherwise_mm2) {
-  double sum = 0, weight = 0;
-  for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || cell.n < 2) continue;
-    sum += (cell.n - 1) * cell.variance_mm2;
-    weight += cell.n - 1;
-  }
-  return weight > 0 ? sum / weight : otherwise_mm2;
+/// How the samples of cells scatter, of not too many.
+std::vector<OutputSteps::Scatter> scatter_of(const Reduced& reduced) {
+  constexpr std::size_t enough = 3000;
+  std::vector<OutputSteps::Scatter> list;
+  for (std::size_t i = 0; i < reduced.cells.size(); i += reduced.cells.size() / enough + 1)
+    if (const Cell& cell = reduced.cells[i]; cell.smooth && cell.n > 1)
+      list.push_back({cell.mean_mm, cell.variance_mm2, cell.n - 1.0});
+  return list;
 }
 
 /// How strongly ranges repeat along the range: share of the samples in step, by waves per `window` mm.
@@ -76,9 +63,9 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
       const auto count = static_cast<double>(shown[mm]);
       const double k = std::round((static_cast<double>(mm) - steps.first_mm) / steps.step_mm),
                    off = static_cast<double>(mm) - steps.first_mm - k * steps.step_mm;
-      constexpr double rounded_by_mm = 0.5 + 0.05;
+      constexpr double rounded_by_mm = 0.5 + 0.05, of_first_guess_mm = 0.25;
       if (std::abs(off) < rounded_by_mm) on += count;
-      line.add(k, off);
+      if (std::abs(off) < rounded_by_mm + of_first_guess_mm) line.add(k, off);  // strays lie anywhere
     }
     if (line.spread() <= 0) return {};
     steps.step_mm += line.slope();
@@ -88,6 +75,49 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
   const double anywhere = strays + few;
   steps.gain = on * std::log((1 - anywhere) * steps.step_mm + anywhere) + (all - on) * std::log(anywhere);
   return steps;
+}
+
+/// The comb between those whose places, rounded to whole millimetres, are the most of the ranges: a place
+/// half a millimetre off a whole one is read off as one or the other. What is as rare as strays says nothing.
+void settle(Steps& steps, const std::vector<long>& shown, double strays) {
+  struct OnComb {
+    double k, off_mm, count;
+  };
+  constexpr double widest_mm = 0.3, fine_mm = 0.02, rounded_by_mm = 0.5;
+  std::vector<OnComb> list;
+  std::size_t end = shown.size();
+  while (end > 1 && shown[end - 1] == 0) --end;
+  const double by_chance = strays / static_cast<double>(end), rare = by_chance + 4 * std::sqrt(by_chance);
+  for (std::size_t i = 0; i < end; ++i) {
+    const auto mm = static_cast<double>(i);
+    const double k = std::round((mm - steps.first_mm) / steps.step_mm),
+                 off = mm - steps.first_mm - k * steps.step_mm;
+    if (static_cast<double>(shown[i]) > rare && std::abs(off) < rounded_by_mm + widest_mm)
+      list.push_back({k, off, static_cast<double>(shown[i])});
+  }
+  if (list.empty() || list.front().k == list.back().k) return;
+  const double low = list.front().k, across = list.back().k - low;
+  double most = 0, ways = 0, shift_mm = 0, stretch_mm = 0, stretches_mm2 = 0;
+  for (double at_low = -widest_mm; at_low <= widest_mm; at_low += fine_mm)
+    for (double at_high = -widest_mm; at_high <= widest_mm; at_high += fine_mm) {
+      const double stretch = at_high - at_low;
+      double on = 0;
+      for (const OnComb& one : list)
+        if (std::abs(one.off_mm - at_low - stretch * (one.k - low) / across) <= rounded_by_mm)
+          on += one.count;
+      if (on < most) continue;
+      if (on > most) most = on, ways = shift_mm = stretch_mm = stretches_mm2 = 0;
+      ++ways;
+      shift_mm += at_low;
+      stretch_mm += stretch;
+      stretches_mm2 += stretch * stretch;
+    }
+  shift_mm /= ways;
+  stretch_mm /= ways;
+  steps.step_mm += stretch_mm / across;
+  steps.first_mm += shift_mm - stretch_mm * low / across;
+  const double spread_mm2 = std::max(0.0, stretches_mm2 / ways - stretch_mm * stretch_mm);
+  steps.u_mm = std::sqrt(spread_mm2 + fine_mm * fine_mm / 6) / across;
 }
 
 /// Share of samples that are too far from their targets: where they come from, no comb may be.
@@ -110,9 +140,11 @@ std::optional<Steps> coarsest(const std::vector<long>& shown, double strays) {
   const auto first = static_cast<std::size_t>(window / coarsest_mm);
   for (std::size_t k = first; k + 1 < shares.size() && k <= window / finest_mm; ++k) {
     if (shares[k] < in_step || shares[k] < shares[k - 1] || shares[k] < shares[k + 1]) continue;
-    const std::optional<Steps> steps =
+    std::optional<Steps> steps =
         comb_near(shown, static_cast<double>(window) / static_cast<double>(k), all, strays);
-    if (steps) return steps;
+    if (!steps) continue;
+    settle(*steps, shown, strays * all);
+    return steps;
   }
   return {};
 }
@@ -132,9 +164,8 @@ void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result) 
   suspect.parameters = {{"step_mm", {found->step_mm, found->u_mm}}};
   result.accepted.push_back(suspect);
   OutputSteps& steps = reduced.output_steps;
-  steps = {found->step_mm, found->first_mm};
-  steps.sigma_mm = steps.noise_of(scatter_of_samples(reduced, sigma_mm * sigma_mm));
-  reduced.empirical.push_back(bias_of_rounding(steps));
+  steps = {found->step_mm, found->first_mm, sigma_mm};
+  if (const auto scatter = scatter_of(reduced); !scatter.empty()) steps.sigma_mm = steps.noise_of(scatter);
 }
 
 }  // namespace fit::explain

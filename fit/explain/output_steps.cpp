@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/output_steps.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "fit/explain/reduce.hpp"
@@ -25,19 +26,24 @@ OutputSteps::Rounded OutputSteps::rounded_at(double range_mm) const {
   return {mean, square - mean * mean - sigma_mm * sigma_mm};
 }
 
-double OutputSteps::noise_of(double scatter_mm2) const {
-  const auto scatter_of = [this](double sigma) {
-    const OutputSteps steps{step_mm, first_mm, sigma};
-    constexpr int places = 200;
-    double mm2 = sigma * sigma;
-    for (int i = 0; i < places; ++i)
-      mm2 += steps.variance_mm2(first_mm + (i + 0.5) * (10 + 1.0 / places) * step_mm) / places;
-    return mm2;
-  };
-  double low = 1e-3 * step_mm, high = std::sqrt(scatter_mm2);
+double OutputSteps::place_of(double mean_mm) const {
+  double place_mm = mean_mm;
+  for (int i = 0; i < 4; ++i) place_mm += 0.7 * (mean_mm - place_mm - bias_mm(place_mm));
+  return place_mm;
+}
+
+double OutputSteps::noise_of(const std::vector<Scatter>& readings) const {
+  double most_mm2 = 0;
+  for (const Scatter& one : readings) most_mm2 = std::max(most_mm2, one.variance_mm2);
+  double low = 1e-3 * step_mm, high = std::sqrt(most_mm2) + step_mm;
   for (int i = 0; i < 30; ++i) {
-    const double middle = (low + high) / 2;
-    (scatter_of(middle) < scatter_mm2 ? low : high) = middle;
+    const OutputSteps steps{step_mm, first_mm, (low + high) / 2};
+    const double noise_mm2 = steps.sigma_mm * steps.sigma_mm;
+    double excess = 0;
+    for (const Scatter& one : readings)
+      excess += one.degrees_of_freedom *
+                (noise_mm2 + steps.variance_mm2(steps.place_of(one.mean_mm)) - one.variance_mm2);
+    (excess < 0 ? low : high) = steps.sigma_mm;
   }
   return high;
 }

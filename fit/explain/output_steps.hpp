@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <vector>
+
 namespace fit::explain {
 
 /// Ranges that come in steps, mm, each rounded to a whole millimetre after it, and normal noise of that
@@ -15,8 +17,15 @@ struct OutputSteps {
   [[nodiscard]] double bias_mm(double range_mm) const { return rounded_at(range_mm).bias_mm; }
   /// What is added there to the variance of a sample.
   [[nodiscard]] double variance_mm2(double range_mm) const { return rounded_at(range_mm).variance_mm2; }
-  /// Standard deviation of the noise whose samples scatter by so much after rounding, averaged over steps.
-  [[nodiscard]] double noise_of(double scatter_mm2) const;
+  /// The range of which readings have that mean, about.
+  [[nodiscard]] double place_of(double mean_mm) const;
+  /// Samples that were read off together.
+  struct Scatter {
+    double mean_mm = 0, variance_mm2 = 0, degrees_of_freedom = 0;
+  };
+  /// Standard deviation of the noise before rounding that scatters like that behind it, where the means lie
+  /// between two steps.
+  [[nodiscard]] double noise_of(const std::vector<Scatter>& readings) const;
 
  private:
   struct Rounded {

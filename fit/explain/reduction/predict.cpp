@@ -10,6 +10,7 @@ Effect reduction::effect_there(const Reduced& reduced, const std::vector<Active>
                                const Circumstances& at) {
   Effect effect = effect_of(at_work, at);
   for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(at, {});
+  effect.range_mm += reduced.output_steps.bias_mm(at.range_mm + effect.range_mm);
   return effect;
 }
 

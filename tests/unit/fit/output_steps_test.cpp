@@ -34,15 +34,20 @@ TEST_CASE("means and variances of ranges that come in steps are those of samples
   }
 }
 
-TEST_CASE("the noise before rounding is found from how samples scatter after it") {
-  for (const double sigma : {2.0, 4.0, 9.0, 40.0}) {
-    const OutputSteps steps{12.69, 3.1, sigma};
-    double scatter = 0;
-    constexpr int places = 4000;
-    for (int i = 0; i < places; ++i)
-      scatter += (steps.variance_mm2(700 + 1.234 * i) + sigma * sigma) / places;
-    CHECK(steps.noise_of(scatter) == Approx(sigma).epsilon(0.01));
-  }
+TEST_CASE("the noise before rounding is found from how samples scatter after it, wherever they lie") {
+  constexpr double step_mm = 12.69;
+  for (const double sigma : {4.0, 9.0, 40.0})
+    for (const double apart_mm : {1.234, step_mm + 0.1}) {  // all over the steps, and always in the same half
+      const OutputSteps steps{step_mm, 3.1, sigma};
+      std::vector<OutputSteps::Scatter> readings;
+      for (int i = 0; i < 60; ++i) {
+        const double range_mm = 703 + apart_mm * i;
+        readings.push_back(
+            {range_mm + steps.bias_mm(range_mm), steps.variance_mm2(range_mm) + sigma * sigma, 10.0 + i % 3});
+      }
+      INFO(sigma << " mm, every " << apart_mm << " mm");
+      CHECK(OutputSteps{step_mm, 3.1}.noise_of(readings) == Approx(sigma).epsilon(0.01));
+    }
 }
 
 TEST_CASE("noise that fills whole millimetres leaves a twelfth, and no bias") {
