@@ -19,6 +19,10 @@ constexpr const char* rounding = "rounding";
 struct Steps {
   double step_mm = 1, u_mm = 0, first_mm = 0;
   double gain = 0;  ///< Of the log-likelihood, over any whole number.
+
+  /// The nearest step's number.
+  [[nodiscard]] double number_at(double mm) const { return std::round((mm - first_mm) / step_mm); }
+  [[nodiscard]] double off_mm(double mm, double number) const { return mm - first_mm - number * step_mm; }
 };
 
 /// How the samples of cells scatter, of not too many.
@@ -61,8 +65,8 @@ std::optional<Steps> comb_near(const std::vector<long>& shown, double step_mm, d
     for (std::size_t mm = 0; mm < shown.size(); ++mm) {
       if (shown[mm] == 0) continue;
       const auto count = static_cast<double>(shown[mm]);
-      const double k = std::round((static_cast<double>(mm) - steps.first_mm) / steps.step_mm),
-                   off = static_cast<double>(mm) - steps.first_mm - k * steps.step_mm;
+      const auto at_mm = static_cast<double>(mm);
+      const double k = steps.number_at(at_mm), off = steps.off_mm(at_mm, k);
       constexpr double rounded_by_mm = 0.5 + 0.05, of_first_guess_mm = 0.25;
       if (std::abs(off) < rounded_by_mm) on += count;
       if (std::abs(off) < rounded_by_mm + of_first_guess_mm) line.add(k, off);  // strays lie anywhere
@@ -90,8 +94,7 @@ void settle(Steps& steps, const std::vector<long>& shown, double strays) {
   const double by_chance = strays / static_cast<double>(end), rare = by_chance + 4 * std::sqrt(by_chance);
   for (std::size_t i = 0; i < end; ++i) {
     const auto mm = static_cast<double>(i);
-    const double k = std::round((mm - steps.first_mm) / steps.step_mm),
-                 off = mm - steps.first_mm - k * steps.step_mm;
+    const double k = steps.number_at(mm), off = steps.off_mm(mm, k);
     if (static_cast<double>(shown[i]) > rare && std::abs(off) < rounded_by_mm + widest_mm)
       list.push_back({k, off, static_cast<double>(shown[i])});
   }
