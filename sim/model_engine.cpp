@@ -140,7 +140,7 @@ class ModelEngine : public Engine {
     if (stage_rad == seen_from_) return;
     seen_from_ = stage_rad;
     const Eigen::Vector2d here = origin(stage_rad);
-    edges_ = scene_.edges(here);
+    const std::vector<fit::Edge>& edges = edges_from(here);
     sights_.assign(static_cast<std::size_t>(bench_.lidar.steps), {});
     lawful_.assign(sights_.size(), 0);
     for (std::size_t step = 0; step < sights_.size(); ++step) {
@@ -152,7 +152,7 @@ class ModelEngine : public Engine {
         continue;
       }
       fit::Circumstances& c = sights_[step];
-      scene_.describe(here, bearing, hit, edges_, c);
+      scene_.describe(here, bearing, hit, edges, c);
       c.beam_rad = beam;
       c.stage_rad = stage_rad;
       c.beam_time_s = bench_.lidar.beam_time_s(static_cast<double>(step));
@@ -181,11 +181,21 @@ class ModelEngine : public Engine {
     return std::sqrt(variance) * white;
   }
 
+  /// As the optical centre sees them, wherever mechanisms have it.
+  [[nodiscard]] const std::vector<fit::Edge>& edges_from(const Eigen::Vector2d& place) {
+    if (place != edges_seen_from_) {
+      edges_ = scene_.edges(place);
+      edges_seen_from_ = place;
+    }
+    return edges_;
+  }
+
   /// At an edge an echo comes from the front, the back, or, where the gap is short, from between.
   [[nodiscard]] fit::Hit mix(const fit::Hit& hit, const Eigen::Vector2d& from, double bearing,
                              double footprint) {
-    const fit::Edge* edge = fit::nearest_edge(edges_, bearing);
-    if (footprint <= 0 || !edge || edge->far_target < 0) return hit;
+    if (footprint <= 0) return hit;
+    const fit::Edge* edge = fit::nearest_edge(edges_from(from), bearing);
+    if (!edge || edge->far_target < 0) return hit;
     const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side;
     double front_share = 0;
     if (far_share_) {  // as it was measured
@@ -209,10 +219,11 @@ class ModelEngine : public Engine {
   }
 
   /// What of a beam that wide meets the surface that answers, where the other one answers apart.
-  [[nodiscard]] double light_share(const fit::Hit& hit, double bearing, double width_rad) const {
-    const fit::Edge* edge = fit::nearest_edge(edges_, bearing);
-    if (width_rad <= 0 || !edge || (hit.target != edge->near_target && hit.target != edge->far_target))
-      return 1;
+  [[nodiscard]] double light_share(const fit::Hit& hit, const Eigen::Vector2d& from, double bearing,
+                                   double width_rad) {
+    if (width_rad <= 0) return 1;
+    const fit::Edge* edge = fit::nearest_edge(edges_from(from), bearing);
+    if (!edge || (hit.target != edge->near_target && hit.target != edge->far_target)) return 1;
     if (edge->far_target >= 0 && edge->far_mm - edge->near_mm < merging_mm_) return 1;
     const double inside = fit::wrap_angle(bearing - edge->bearing_rad) * edge->near_side,
                  within = hit.target == edge->near_target ? inside : -inside;
@@ -261,7 +272,7 @@ class ModelEngine : public Engine {
     if (range > options_.max_range_mm) return;
     const double unit = e.output_step_mm > 1 ? e.output_step_mm : 1;
     range_mm = static_cast<std::uint32_t>(std::lround(unit * std::floor(range / unit + 0.5)));
-    const double strength = light_share(hit, bearing, e.light_rad) * dimmed(counts(hit), dims);
+    const double strength = light_share(hit, from, bearing, e.light_rad) * dimmed(counts(hit), dims);
     intensity = static_cast<std::uint32_t>(
         std::clamp(std::lround(strength * (1 + relative_noise_ * random_.normal())), 1L, 65000L));
   }
@@ -288,6 +299,7 @@ class ModelEngine : public Engine {
   std::vector<fit::Circumstances> sights_;
   std::vector<double> lawful_;  ///< Counts of every beam before anything dims them.
   std::vector<fit::Edge> edges_;
+  Eigen::Vector2d edges_seen_from_ = Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
 };
 
 }  // namespace

@@ -203,8 +203,8 @@ Sight Scene::look_at(int target, double stage_rad, double beam_rad, const Effect
   return met(sight, scene_.look_at(target, sight.origin, sight.bearing_rad));
 }
 
-std::vector<Edge> Scene::edges(double stage_rad) const {
-  return scene_.edges(turned({x_mm_, y_mm_}, stage_rad));
+std::vector<Edge> Scene::edges(double stage_rad, const Effect& effect) const {
+  return scene_.edges(aim(stage_rad, 0, effect).origin);
 }
 
 void Scene::describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const {

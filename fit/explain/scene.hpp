@@ -88,7 +88,8 @@ class Scene {
   [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
   /// The same for the surface of one target, whatever stands before it and wherever it ends.
   [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
-  [[nodiscard]] std::vector<Edge> edges(double stage_rad) const;
+  /// The edges in sight from there, the optical centre's place taken from `effect` as well.
+  [[nodiscard]] std::vector<Edge> edges(double stage_rad, const Effect& effect = {}) const;
   /// To the next inner corner along the target; infinite if there is none.
   [[nodiscard]] double to_corner_mm(const Sight& sight) const { return scene_.to_corner_mm(sight); }
   /// To the next place where another target begins, inner corner or outer.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/reduction/effect_there.hpp"
+
 namespace fit::explain {
 namespace {
 
@@ -77,7 +79,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
     const CaptureInfo& info = reduced.capture_of(group);
     if (is_turning(info)) continue;
     const Scene scene = reduced.scene_of(group, nuisance);
-    const std::vector<Edge> in_sight = scene.edges(group.stage_rad);
+    const std::vector<Edge> in_sight = reduction::edges_there(reduced, group, scene, at_work);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
@@ -99,8 +101,8 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
       beside.n = std::min(20.0, 1.0 * cell.n + cell.stray);
       beside.between = cell.between * 2 > cell.n + cell.stray;
       beside.place = cell.far_share;
-      const Sight behind = scene.look(
-          group.stage_rad, edge->bearing_rad - 0.02 * edge->near_side - group.stage_rad - nuisance.yaw_rad);
+      const double to_behind_rad = wrap_angle(edge->bearing_rad - 0.02 * edge->near_side - sight.bearing_rad);
+      const Sight behind = scene.look(group.stage_rad, cell.beam_rad + to_behind_rad, effect);
       if (cell.stray == 0 && behind.target >= 0 && behind.target != cell.edge / 2) {
         const double near = scene.look_at(cell.edge / 2, group.stage_rad, cell.beam_rad, effect).range_mm,
                      far = scene.look_at(behind.target, group.stage_rad, cell.beam_rad, effect).range_mm;

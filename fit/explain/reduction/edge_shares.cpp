@@ -11,7 +11,7 @@ void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
   for (const Group& group : reduced.groups) {
     const Scene scene = reduced.scene_of(group, nuisance);
-    const std::vector<Edge> edges = scene.edges(group.stage_rad);
+    const std::vector<Edge> edges = edges_there(reduced, group, scene, at_work);
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       Cell& cell = reduced.cells[i];
       const auto edge = std::ranges::find(edges, cell.edge, &Edge::id);

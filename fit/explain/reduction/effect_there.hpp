@@ -10,5 +10,8 @@ namespace fit::explain::reduction {
 /// What the mechanisms at work and what has no name do there together.
 [[nodiscard]] Effect effect_there(const Reduced& reduced, const std::vector<Active>& at_work,
                                   const Circumstances& at);
+/// The edges in sight of a group, from where mechanisms at work have the lidar.
+[[nodiscard]] std::vector<Edge> edges_there(const Reduced& reduced, const Group& group, const Scene& scene,
+                                            const std::vector<Active>& at_work);
 
 }  // namespace fit::explain::reduction

@@ -14,6 +14,14 @@ Effect reduction::effect_there(const Reduced& reduced, const std::vector<Active>
   return effect;
 }
 
+std::vector<Edge> reduction::edges_there(const Reduced& reduced, const Group& group, const Scene& scene,
+                                         const std::vector<Active>& at_work) {
+  if (group.first_cell == group.last_cell) return {};
+  // Where the lidar is does not depend on the beam.
+  const Cell& any = reduced.cells[(group.first_cell + group.last_cell) / 2];
+  return scene.edges(group.stage_rad, effect_there(reduced, at_work, any.at));
+}
+
 Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<Active>& at_work) {
   for (const Active& active : at_work) {
     if (!active.mechanism->displaces || active.target < 0) continue;

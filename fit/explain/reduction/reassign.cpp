@@ -40,7 +40,7 @@ class Reassignment {
     int changed = 0;
     for (const Group& group : reduced_.groups) {
       const Scene scene = reduced_.scene_of(group, nuisance_);
-      const std::vector<Edge> edges = scene.edges(group.stage_rad);
+      const std::vector<Edge> edges = reduction::edges_there(reduced_, group, scene, at_work_);
       for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
         Cell& cell = reduced_.cells[i];
         if (!cell.doubtful && !cell.smooth) continue;

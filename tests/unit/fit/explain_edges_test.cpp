@@ -11,6 +11,7 @@
 #include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/screen.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"
 #include "plain_scenes.hpp"
 #include "tests/support/rounds.hpp"
@@ -62,6 +63,30 @@ TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") 
   REQUIRE(angles);
   CHECK(angles->parameters.at("sigma_deg").value == Approx(0.15).epsilon(0.15));
   CHECK_FALSE(found(e, "mixed-pixel"));
+}
+
+TEST_CASE("edges are where a lidar far off the stage's axis sees them") {
+  SyntheticRecording recording =
+      plain_bench::recorded(boards_in_place(), 6, [](double, double stage_rad, double) {
+        return Deviation{.origin_mm = std::polar(1.0, stage_rad) * plain_bench::Point(0, 36)};
+      });
+  plain_bench::turn_round(recording, boards_in_place(), 8, 4);
+  fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  const auto on_the_wrong_side = [&] {
+    int wrong = 0, all = 0;
+    for (const fit::explain::Cell& cell : reduced.cells) {
+      if (cell.far_share < 0 || std::abs(cell.at.edge_rad) > 3 * degree) continue;
+      wrong += (cell.far_share > 0.5) != (cell.at.edge_rad < 0);
+      ++all;
+    }
+    REQUIRE(all > 500);
+    return wrong / static_cast<double>(all);
+  };
+  const std::vector<fit::explain::Active> arm{{fit::find_mechanism("lidar-arm"), {0, 36}}};
+  fit::explain::reduction::share_out_again(reduced, fit::explain::Nuisance(reduced.bench), {});
+  CHECK(on_the_wrong_side() > 0.1);
+  fit::explain::reduction::share_out_again(reduced, fit::explain::Nuisance(reduced.bench), arm);
+  CHECK(on_the_wrong_side() < 0.01);
 }
 
 TEST_CASE("how much angles happen to scatter in a few scans is no course of the noise") {

@@ -106,6 +106,23 @@ TEST_CASE("a wide beam sees front or back at a deep edge, and between at a shall
   CHECK(share_between(1000) < 0.01);
 }
 
+TEST_CASE("a wide beam mixes ranges at the edge as a lidar off the axis sees it") {
+  const std::vector<Board> edge{{"front", 1500, -800, 1500, 0}, {"back", 2500, -2000, 2500, 2000}};
+  const auto recording = twin(bench_of(edge, {known("mixed-pixel", {{"width_deg", 0.3}}),
+                                              known("lidar-arm", {{"x_mm", 0}, {"y_mm", 60}})}),
+                              400);
+  const auto share_behind = [&](double beam_deg) {
+    int behind = 0;
+    for (const double r : recording.at(beam_deg).ranges) behind += r > 2000;
+    return behind / 400.0;
+  };
+  const double edge_deg = std::atan2(-60, 1500) * fit::deg_per_rad;  // -2.29 deg
+  for (const double away : {-2.21, -0.21, 0.04, 0.29, 2.29})
+    CHECK(share_behind(edge_deg + away) ==
+          Approx(0.5 * std::erfc(-(std::round((edge_deg + away) * 4) / 4 - edge_deg) / 0.3 / std::sqrt(2.0)))
+              .margin(0.08));
+}
+
 TEST_CASE("a twin loses and scatters the echoes it is told to") {
   const auto recording = twin(bench_of(slant, {known("outliers", {{"fraction", 0.05}})}), 4000);
   int far = 0;
