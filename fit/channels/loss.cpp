@@ -75,7 +75,7 @@ model::ChannelKind make_loss() {
         [&](std::size_t i, auto& row) {
           const Cell& cell = reduced.cells[i];
           if (cell.n + cell.lost == 0 || std::abs(cell.at.incidence_rad) > grazing_rad ||
-              model::may_miss_its_target(reduced, i, false))
+              model::may_miss_its_target(reduced, i))
             return false;
           row.y += cell.lost;
           row.n += cell.n + cell.stray + cell.lost;

@@ -6,19 +6,21 @@
 #include <iterator>
 
 #include "fit/angle.hpp"
+#include "fit/explain/reduction/margins.hpp"
 
 namespace fit::explain::model {
 namespace {
 
 constexpr double doubt_rad = 1.5 * rad_per_deg, widest_slit_rad = 6 * rad_per_deg;
+/// By how much a target may stand aside from where it is said to stand.
+constexpr double aside_rad = 6 * rad_per_deg;
 
-/// By how much a target may stand aside from where it is said to stand, as seen by that cell: 60 mm at half a
-/// metre, and the same angle farther off, where one that is not seen at all may not be there. Where other
-/// echoes scatter as those do that are about to be lost, it is.
-double displaced_rad(const Cell& cell, bool near_threshold) {
-  constexpr double aside_mm = 60, most_rad = 6 * rad_per_deg;
-  if (!near_threshold) return most_rad;
-  return std::clamp(aside_mm / std::max(1.0, cell.sight.range_mm), doubt_rad, most_rad);
+/// Where walls meet they leave a slit if they stand off or turned.
+bool is_at_corner(const Reduced& reduced, const Cell& cell, double blur_rad) {
+  const double sway_mm = reduction::sway_mm(reduced.bench.lidar.mount, cell.sight.range_mm,
+                                            reduction::doubt_of_mount),
+               half_rad = reduction::half_width_rad(cell) + blur_rad;
+  return cell.at.corner_mm < reduction::corner_margin_mm(cell.sight, sway_mm, half_rad);
 }
 
 /// Without any echo where one target ends and another begins: one that stands turned leaves a slit there.
@@ -46,16 +48,17 @@ bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
 
 }  // namespace
 
-bool may_miss_its_target(const Reduced& reduced, std::size_t index, bool near_threshold) {
+bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
   constexpr double blur_rad = 0.5 * rad_per_deg;
   const Cell& cell = reduced.cells[index];
-  const double to_edge = std::abs(cell.at.edge_rad), displaced = displaced_rad(cell, near_threshold);
-  if (to_edge < blur_rad || may_be_a_slit(reduced, index)) return true;
+  const double to_edge = std::abs(cell.at.edge_rad);
+  if (to_edge < blur_rad || is_at_corner(reduced, cell, blur_rad) || may_be_a_slit(reduced, index))
+    return true;
   // Nearer than `doubt_rad` to an edge its neighbours must see the target, on both sides; a beam without any
   // echo from farther inside needs only something of the target on both sides.
   const bool near = to_edge < doubt_rad;
-  if (!near && (cell.n > 0 || to_edge > displaced)) return false;
-  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : displaced;
+  if (!near && (cell.n > 0 || to_edge > aside_rad)) return false;
+  const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : aside_rad;
   const Group& group = reduced.group_of(cell);
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;

@@ -7,9 +7,8 @@
 
 namespace fit::explain::model {
 
-/// Whether the beam of a cell may go past its target, so that a missing echo tells nothing: near an edge,
-/// unless its neighbours on both sides, farther than edges blur, see the target as well. `near_threshold`:
-/// other echoes scatter as those do that are about to be lost.
-[[nodiscard]] bool may_miss_its_target(const Reduced& reduced, std::size_t cell, bool near_threshold);
+/// Whether the beam of a cell may go past its target, so that a missing echo tells nothing: at a corner, or
+/// near an edge, unless its neighbours on both sides, farther than edges blur, see the target as well.
+[[nodiscard]] bool may_miss_its_target(const Reduced& reduced, std::size_t cell);
 
 }  // namespace fit::explain::model

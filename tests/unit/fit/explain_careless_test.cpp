@@ -28,8 +28,8 @@ struct Stop {
   double stated_deg, true_deg;
 };
 
-/// Something that moves between lidar and walls: how far it is at that bearing (deg) in that scan, mm; or
-/// nothing.
+/// Something that moves between lidar and walls: how far it is at that bearing (deg) in that scan, mm; 0: no
+/// echo comes back; or nothing.
 using Thing =
     std::function<std::optional<double>(int stop, std::int64_t seq, double bearing_deg, double wall_mm)>;
 
@@ -61,7 +61,7 @@ SyntheticRecording recorded(const std::vector<Stop>& stops, int scans, const Thi
           if (thing)
             mm = thing(static_cast<int>(stop), seq, std::remainder(beam_deg + 10 + stage_deg, 360.0), mm)
                      .value_or(mm);
-          range[k] = static_cast<std::uint16_t>(std::lround(mm + 4 * normal(random)));
+          range[k] = static_cast<std::uint16_t>(mm > 0 ? std::lround(mm + 4 * normal(random)) : 0);
           counts[k] = static_cast<std::uint16_t>(3e6 * std::cos(met->incidence_rad) / met->range_mm);
         }
       });
@@ -98,6 +98,20 @@ TEST_CASE("somebody who stands before a wall for a while is told, and is no phys
   INFO(to_text(e));
   CHECK(e.verdict == "nothing-missing");
   CHECK(notes(e, "Something stood before the targets in 2 captures"));
+}
+
+TEST_CASE("what goes through a slit at a room's corner is no echo lost") {
+  const Thing slit = [](int stop, std::int64_t seq, double bearing_deg, double) -> std::optional<double> {
+    std::mt19937 random(static_cast<unsigned>(100 * stop + seq));
+    const double corner_deg = std::atan2(3100, 2300) / degree,
+                 jitter_deg = 0.05 * std::normal_distribution<double>()(random);
+    if (std::abs(bearing_deg + jitter_deg - corner_deg) > 0.1) return {};
+    return 0;
+  };
+  const SyntheticRecording recording = recorded(stops_all_round(24), 10, slit, 4);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
 }
 
 TEST_CASE("a board before a room's corner, where one wall is darker than the next, is no wide beam") {
