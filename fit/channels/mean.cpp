@@ -3,6 +3,9 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "fit/explain/hypothesis.hpp"
 #include "fit/explain/inference/numbers.hpp"
@@ -80,11 +83,7 @@ class Means final : public model::NormalRows {
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     return log_weights_ - 0.5 * white_residual(eta).cwiseAbs2();
   }
-  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
-    Eigen::VectorXd list(rows());
-    for (Index i = 0; i < list.size(); ++i) list[i] = 1 / model_.variance_of_mean(i);
-    return list;
-  }
+  [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override { return information_; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     if (!rough_) return model_.whitened(std::move(columns));
     Eigen::MatrixXd white = model_.divided_by_own_noise(std::move(columns));
@@ -95,6 +94,12 @@ class Means final : public model::NormalRows {
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     return whitened(model_.raw_residual() - eta, {});
   }
+  [[nodiscard]] std::string note() const {
+    if (!rough_ || rough_->step_mm() < numbers::rough_within * numbers::rough_mm) return {};
+    return "Targets are rough: places a metre apart differ by " + rounded(rough_->step_mm(), 2) +
+           " mm (standard deviation). What is smaller on one target is told from its shape only where others "
+           "show it as well.";
+  }
 
  private:
   /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
@@ -102,9 +107,17 @@ class Means final : public model::NormalRows {
   void add_rough_surfaces() {
     constexpr Index most_shared = 100;
     Eigen::MatrixXd shared = model_.shared_errors();
-    if (shared.cols() > most_shared) return;
+    Eigen::VectorXd variances = Eigen::VectorXd::Ones(rows()) + shared.rowwise().squaredNorm();
+    if (shared.cols() <= most_shared) divide_out_places(variances, shared);
+    information_.resize(rows());
+    for (Index i = 0; i < information_.size(); ++i)
+      information_[i] = 1 / (variances[i] * model_.variance_of_mean(i));
+  }
+  void divide_out_places(Eigen::VectorXd& variances, Eigen::MatrixXd& shared) {
     const auto places = places_of(model_);
     rough_ = model::likeliest_surfaces(places, model_.whitened(model_.raw_residual()));
+    for (Index i = 0; i < rows(); ++i)
+      variances[i] += rough_->variance_mm2() * std::pow(places[static_cast<std::size_t>(i)].slope, 2);
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));
@@ -115,6 +128,7 @@ class Means final : public model::NormalRows {
   std::vector<double> ranges_mm_;  ///< Of the cells of all rows.
   std::vector<std::size_t> first_range_;
   Eigen::VectorXd log_weights_;
+  Eigen::VectorXd information_;  ///< Of rows by themselves, with what they share.
   std::optional<model::RoughSurfaces> rough_;
   std::optional<model::SharedErrors> shared_;  ///< Behind rough surfaces.
 };
@@ -129,6 +143,9 @@ model::ChannelKind make_mean() {
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     if (reduced.smooth_cells() == 0) return nullptr;
     return std::make_unique<Means>(reduced, noise);
+  };
+  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd&) {
+    return static_cast<const Means&>(rows).note();
   };
   return kind;
 }

@@ -111,7 +111,9 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
     const auto& rows = session.channels()[c];
     const model::ChannelKind& channel = model::channel_kinds()[c];
     if (!rows) continue;
-    if (channel.note) out.notes.push_back(channel.note(*rows, nothing.optimum.eta[c], best.optimum.eta[c]));
+    if (channel.note)
+      if (std::string note = channel.note(*rows, nothing.optimum.eta[c], best.optimum.eta[c]); !note.empty())
+        out.notes.push_back(std::move(note));
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
   out.tables = tables_of(session, best, out.posterior);

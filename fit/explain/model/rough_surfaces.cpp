@@ -14,7 +14,7 @@ namespace {
 using Eigen::Index;
 
 /// Lengths of stretches, each half as long as the next. Longer waves are cosines of the whole target.
-constexpr std::array lengths_mm{60.0, 120.0, 240.0, 480.0};
+constexpr std::array lengths_mm{15.0, 30.0, 60.0, 120.0, 240.0, 480.0};
 
 }  // namespace
 
@@ -31,12 +31,13 @@ std::vector<RoughSurfaces::Level> RoughSurfaces::tree_of(const std::vector<Place
   return tree;
 }
 
-RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree,
-                             double step_mm) {
+RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, double step_mm)
+    : step_mm_(step_mm) {
   for (const auto& [length_mm, stretches] : tree) {
     // Means of neighbouring stretches of a random walk differ by 2/3 of what it walks along one: with what
     // the parts of both add, by 8/3 of a stretch's own variance.
     const double sigma_mm = step_mm * std::sqrt(length_mm / 1000 / 4);
+    variance_mm2_ += sigma_mm * sigma_mm;
     Eigen::MatrixXd z(static_cast<Index>(places.size()), 1);
     for (Index i = 0; i < z.rows(); ++i) z(i, 0) = sigma_mm * places[static_cast<std::size_t>(i)].slope;
     whiten(z);

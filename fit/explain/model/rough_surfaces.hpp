@@ -31,6 +31,10 @@ class RoughSurfaces {
   /// after the other, the finest first: every coarser one holds whole finer ones.
   void whiten(Eigen::MatrixXd& columns) const;
   [[nodiscard]] double log_determinant() const { return log_determinant_; }
+  /// Standard deviation of the difference of two places a metre apart, mm.
+  [[nodiscard]] double step_mm() const { return step_mm_; }
+  /// Of one place, on all lengths together, mm^2.
+  [[nodiscard]] double variance_mm2() const { return variance_mm2_; }
 
  private:
   struct Stretch {
@@ -42,7 +46,7 @@ class RoughSurfaces {
   std::vector<Stretch> stretches_;
   std::vector<Eigen::Index> rows_;
   std::vector<double> z_;
-  double log_determinant_ = 0;
+  double log_determinant_ = 0, step_mm_ = 0, variance_mm2_ = 0;
 };
 
 /// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,

@@ -159,6 +159,30 @@ TEST_CASE("walls that are rough as plaster is are nothing to tell") {
   CHECK(e.verdict == fit::explain::nothing_missing);
 }
 
+TEST_CASE("bumps of a hand's breadth are no wave of the range") {
+  // White noise along the walls, smoothed over 20 and 60 mm: 0.2 mm in all, and hardly any noise.
+  constexpr double step_mm = 5;
+  std::mt19937 random(29);
+  std::normal_distribution<double> normal;
+  std::vector<double> white(2600), profile(2400);
+  for (double& value : white) value = normal(random);
+  for (const double width_mm : {20.0, 60.0}) {
+    const double share_mm = 0.14 * std::sqrt(step_mm / (width_mm * std::sqrt(fit::pi)));
+    for (std::size_t i = 0; i < profile.size(); ++i)
+      for (int k = -100; k <= 100; ++k)
+        profile[i] += share_mm * white[i + static_cast<std::size_t>(k + 100)] *
+                      std::exp(-0.5 * std::pow(k * step_mm / width_mm, 2));
+  }
+  const auto at = [&](double place_mm) {
+    return profile[static_cast<std::size_t>(std::clamp((place_mm + 6000) / step_mm, 0.0, 2399.0))];
+  };
+  const Explanation e = explained(
+      {.out_mm = [&](double x, double y, double) { return std::abs(y) > 2900 ? at(x) : at(-y + 400); }}, 100);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.verdict == fit::explain::nothing_missing);
+}
+
 TEST_CASE("a lidar that is knocked about while it runs is told as that, with its time") {
   const Explanation e =
       explained({.mount =
