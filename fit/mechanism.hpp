@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <limits>
@@ -60,6 +61,11 @@ struct Circumstances {
 
   friend bool operator==(const Circumstances&, const Circumstances&) = default;
 };
+
+/// What a mm out along the normal makes of the range.
+[[nodiscard]] inline double range_per_mm_out(double cos_incidence) {
+  return 1 / std::max(0.05, cos_incidence);
+}
 
 /// Of a target against what is stated: out along its normal, and turned about its middle, counter-clockwise.
 struct Displacement {

@@ -33,7 +33,7 @@ Columns of_uneven_surfaces(const MeanModel& model) {
     const double along = std::clamp(at.along_mm / at.half_length_mm, -1.0, 1.0);
     for (Index k = 0; k < cosines; ++k)
       out.columns(i, first.at(at.target) + k) =
-          std::cos(static_cast<double>(k + 1) * pi * (along + 1) / 2) / std::max(0.05, at.cos_incidence);
+          std::cos(static_cast<double>(k + 1) * pi * (along + 1) / 2) * range_per_mm_out(at.cos_incidence);
   }
   return out;
 }
@@ -43,8 +43,7 @@ std::vector<model::RoughSurfaces::Place> places_of(const MeanModel& model) {
   std::vector<model::RoughSurfaces::Place> places;
   for (Index i = 0; i < model.rows(); ++i) {
     const Circumstances& at = model.cell(i).at;
-    places.push_back(
-        {at.target, at.along_mm, 1 / (std::max(0.05, at.cos_incidence) * model.sigma_of_mean(i))});
+    places.push_back({at.target, at.along_mm, range_per_mm_out(at.cos_incidence) / model.sigma_of_mean(i)});
   }
   return places;
 }

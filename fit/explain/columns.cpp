@@ -51,7 +51,8 @@ const ChannelInWords& in_words_of(Channel channel) {
   static constexpr std::array all{ChannelInWords{"range_mm", "range", " mm", 1, 0.5},
                                   ChannelInWords{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
                                   ChannelInWords{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
-                                  ChannelInWords{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100}};
+                                  ChannelInWords{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100},
+                                  ChannelInWords{"range_mm", "place", " mm", 1, 0.5}};
   return all[static_cast<std::size_t>(channel)];
 }
 
@@ -63,6 +64,8 @@ double lever_of(Channel channel, const Sight& sight) {
       return sight.beam_lever();
     case Channel::stage_angle:
       return sight.stage_lever();
+    case Channel::place:
+      return range_per_mm_out(sight.cos_incidence());
     default:
       return 1;
   }

@@ -26,8 +26,9 @@ struct Term {
 /// In the place of a target's number: one after the other, side by side.
 constexpr int all_targets = -2;
 
-/// What an unnamed function changes: the range, mm, or its scale, or an angle, rad.
-enum class Channel { range, range_scale, beam_angle, stage_angle };
+/// What an unnamed function changes: the range, mm, or its scale, an angle, rad, or where the surface lies,
+/// mm out along its normal.
+enum class Channel { range, range_scale, beam_angle, stage_angle, place };
 
 /// How files and people are told of it.
 struct ChannelInWords {
@@ -37,7 +38,7 @@ struct ChannelInWords {
 };
 [[nodiscard]] const ChannelInWords& in_words_of(Channel channel);
 
-/// d range / d what the channel changes: 1, the range, or mm per rad.
+/// d range / d what the channel changes: 1, the range, mm per rad, or 1 over the cosine of the incidence.
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);
 
 /// What a term does to every mean to first order, mm; 0 where it says nothing.

@@ -17,10 +17,13 @@ struct Shape {
   const Form* form = nullptr;
   Coordinate coordinate = Coordinate::beam;
   Channel channel = Channel::range;
-  int target = -1;    ///< Along this one: the coordinate is the place on it, mm from its middle; or all.
+  /// Of this one alone, or all; where the coordinate is the target, it is the place on it, mm from its
+  /// middle.
+  int target = -1;
   double at = 0;      ///< Place or period, file unit of the coordinate.
   double length = 0;  ///< Extent, as its form has it.
   double size = 1;    ///< Standard size of the prior: mm or rad.
+  std::vector<double> places = {};  ///< Of a form with a value for each of them.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
 };
 
@@ -37,13 +40,14 @@ struct Axis {
   Channel channel = Channel::range;
   bool expects_nothing = false;  ///< Of what is there: to be the same everywhere is something, too.
   double low = 0, high = 0;      ///< File unit.
-  std::size_t values = 0;        ///< Different ones, counted to a few hundred.
+  std::vector<double> values;    ///< Different ones, the first few hundred.
   std::vector<double> between;   ///< Places that halve, quarter, ... its cells; between two values each.
 };
 
 /// What a fitted function does over the coordinate's extent, for people; `what` is "range" or an angle.
 struct Course : Extent {
   std::string what, unit, coordinate, unit_of_coordinate;
+  std::string target;  ///< Its name, of a function of one.
   double scale = 1;  ///< From the coefficients' unit to `unit`.
   double least = 1e300, most = -1e300, least_at = 0, most_at = 0;
 
@@ -64,6 +68,7 @@ struct Form {
   bool is_constant = false;     ///< Needs no coordinate that varies.
   bool scaled = false;          ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
   bool of_all_targets = false;  ///< Of the place along every target, a function for each.
+  bool of_one_target_in_time = false;
   std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
   std::function<double(const Shape&, double x, int term)> basis;
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.

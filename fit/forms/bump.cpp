@@ -18,7 +18,8 @@ Form make_bump() {
     const bool of_range = axis.channel == Channel::range || axis.channel == Channel::range_scale;
     if (!of_range || !sampled_finely) return list;
     const double span = axis.high - axis.low;
-    const double between_rows = axis.values > 1 ? 1.0 / static_cast<double>(axis.values - 1) : 1;
+    const double between_rows =
+        axis.values.size() > 1 ? 1.0 / static_cast<double>(axis.values.size() - 1) : 1;
     for (const double share : {0.012, 0.024, 0.048}) {
       if (share < between_rows / 2) continue;  // narrower than rows can show
       for (double at = axis.low; at < axis.high; at += 1.5 * share * span)

@@ -15,7 +15,7 @@ Form make_smooth() {
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
     for (const double length : {0.25, 0.1})
-      if (static_cast<double>(axis.values) > 1 / length) list.push_back({.length = length});
+      if (static_cast<double>(axis.values.size()) > 1 / length) list.push_back({.length = length});
     return list;
   };
   f.says = [](const Shape&, const Course& c) {

@@ -18,7 +18,7 @@ Form make_wave() {
   f.along = [](const Axis& axis) {
     std::vector<Shape> list;
     const double span = axis.high - axis.low,
-                 shortest = 2 * span / std::max<double>(1, static_cast<double>(axis.values) - 1);
+                 shortest = 2 * span / std::max<double>(1, static_cast<double>(axis.values.size()) - 1);
     if (axis.coordinate == Coordinate::beam) {
       // Whole numbers of lobes in a turn, and any other number: coarse slits, gears.
       for (int lobes = 3; lobes <= 12; ++lobes) list.push_back({.at = 360.0 / lobes});

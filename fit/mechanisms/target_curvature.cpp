@@ -15,7 +15,7 @@ Mechanism make_target_curvature() {
   m.parameters = {{.name = "sagitta_mm", .typical = 4}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double x = c.along_mm / std::max(1.0, c.half_length_mm);
-    return Effect{.range_mm = p[0] * (1 - x * x) / std::max(0.05, c.cos_incidence)};
+    return Effect{.range_mm = p[0] * (1 - x * x) * range_per_mm_out(c.cos_incidence)};
   };
   m.says = [](const Finding& f) {
     return "Target '" + f.target + "' is bent: its middle stands " +

@@ -27,7 +27,7 @@ Mechanism make_target_moved() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[2] || c.time_s > p[3]) return Effect{};
     const double out_mm = p[0] - c.along_sign * c.along_mm * p[1] * rad_per_deg;
-    return Effect{.range_mm = out_mm / std::max(0.05, c.cos_incidence)};
+    return Effect{.range_mm = out_mm * range_per_mm_out(c.cos_incidence)};
   };
   m.looks_like = {"mount-moved", "warm-up"};  // where there is no other
   m.says = [](const Finding& f) {

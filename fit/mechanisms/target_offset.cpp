@@ -13,7 +13,7 @@ Mechanism make_target_offset() {
   m.geometric = true;
   m.parameters = {{.name = "offset_mm", .typical = 8}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    return Effect{.range_mm = p[0] / std::max(0.05, c.cos_incidence)};
+    return Effect{.range_mm = p[0] * range_per_mm_out(c.cos_incidence)};
   };
   m.displaces = [](std::span<const double> p) { return Displacement{.offset_mm = p[0]}; };
   m.says = [](const Finding& f) {

@@ -33,6 +33,8 @@ constexpr double form_rad = numbers::form_deg * rad_per_deg;
 constexpr Act on_range{&Effect::range_mm, Observable::range_mean, numbers::form_mm, "range"};
 constexpr Act on_scale{&Effect::range_mm, Observable::range_mean, numbers::form_scale, "range's scale",
                        explain::Channel::range_scale};
+constexpr Act on_place{&Effect::range_mm, Observable::range_mean, numbers::form_mm, "place",
+                       explain::Channel::place};
 constexpr Act on_beam_angle{&Effect::beam_rad, Observable::range_mean, form_rad, "beam angle",
                             explain::Channel::beam_angle};
 constexpr Act on_stage_angle{&Effect::stage_rad, Observable::range_mean, form_rad, "stage angle",
@@ -115,8 +117,9 @@ constexpr Way ways[] = {
     {Coordinate::incidence, on_intensity},
     {Coordinate::time, on_intensity},
 };
-/// Along every target by itself: what a surface does at its place.
-constexpr Act along_targets[] = {on_intensity, on_range};
+/// Of every target by itself: what a surface does at its place, and where it is found from time to time.
+constexpr std::pair<Coordinate, Act> of_one_target[] = {
+    {Coordinate::target, on_intensity}, {Coordinate::target, on_range}, {Coordinate::time, on_place}};
 
 Axis axis_of_rows(const Scale& scale, const Way& way) {
   constexpr std::size_t most = 400, parts = 40;
@@ -130,7 +133,7 @@ Axis axis_of_rows(const Scale& scale, const Way& way) {
   std::set<double> values;
   for (const double one : v)
     if (values.size() < most) values.insert(one);
-  axis.values = values.size();
+  axis.values.assign(values.begin(), values.end());
   for (std::size_t q = 1; q < parts; ++q) {
     const double at = v[v.size() * q / parts];
     const auto next = std::ranges::upper_bound(v, at);
@@ -152,7 +155,9 @@ void for_each_function(const Form& form, const Way& way, const Shape& like, cons
   shape.at = values[terms];
   shape.length = values[terms + 1];
   const double x = form.scaled ? scale(v) : v;
-  const double each = like.channel == explain::Channel::range_scale ? at.range_mm : 1;
+  const double each = like.channel == explain::Channel::range_scale ? at.range_mm
+                      : like.channel == explain::Channel::place     ? range_per_mm_out(at.cos_incidence)
+                                                                    : 1;
   for (std::size_t k = 0; k < terms; ++k)
     see(static_cast<int>(k), each * form.basis(shape, x, static_cast<int>(k)));
 }
@@ -210,10 +215,12 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
   const auto scale = std::make_shared<const Scale>(std::move(values), Scale::may_crowd(way.coordinate));
   const Axis axis = axis_of_rows(*scale, way);
   const bool varies = (way.coordinate != Coordinate::target || way.target != -1) &&
-                      axis.high - axis.low > 1e-6 && axis.values >= fewest_values;
+                      axis.high - axis.low > 1e-6 && axis.values.size() >= fewest_values;
   for (const Form& form : all_forms()) {
     if ((!varies && !form.is_constant) || (way.target != -1 && form.is_constant)) continue;
-    if (form.of_all_targets != (way.target == all_targets)) continue;
+    if (form.of_all_targets != (way.target == all_targets) ||
+        form.of_one_target_in_time != (way.coordinate == Coordinate::time && way.target >= 0))
+      continue;
     std::map<int, std::vector<Shape>> by_terms;
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;
@@ -265,15 +272,15 @@ void add_forms(const std::vector<ChannelKind>& what,
     };
     for (const Way& way : ways)
       if (acts_here(way.on) && channels[c]->sees(way.coordinate)) add_forms_along(way, *channels[c], kinds);
-    for (const Act& on : along_targets) {
+    for (const auto& [coordinate, on] : of_one_target) {
       if (!acts_here(on)) continue;
       std::set<int> targets;  // which share the prior of one
       for (Index i = 0; i < channels[c]->rows(); ++i) targets.insert(channels[c]->at(i).target);
       const std::size_t before = kinds.size();
-      for (const int target : targets) add_forms_along({Coordinate::target, on, target}, *channels[c], kinds);
+      for (const int target : targets) add_forms_along({coordinate, on, target}, *channels[c], kinds);
       for (std::size_t k = before; k < kinds.size(); ++k)
         kinds[k].log_prior = -std::log(static_cast<double>(targets.size()));
-      if (on.changes == on_range.changes)
+      if (on.channel == on_range.channel && on.changes == on_range.changes)
         add_forms_along({Coordinate::target, on, all_targets}, *channels[c], kinds);
     }
   }

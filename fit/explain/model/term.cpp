@@ -257,8 +257,8 @@ double coordinate_of(Coordinate coordinate, const Circumstances& at) {
 double place_of(Coordinate coordinate, int target, const Circumstances& at) {
   if (target == all_targets)
     return at.target + std::clamp(0.5 + at.along_mm / (2 * std::max(1.0, at.half_length_mm)), 0.0, 0.999);
-  if (coordinate != Coordinate::target || target < 0) return coordinate_of(coordinate, at);
-  return at.target == target ? at.along_mm : std::nan("");
+  if (target >= 0 && at.target != target) return std::nan("");
+  return coordinate == Coordinate::target && target >= 0 ? at.along_mm : coordinate_of(coordinate, at);
 }
 
 }  // namespace fit::explain::model

@@ -203,6 +203,24 @@ TEST_CASE("a lidar that is knocked about while it runs is told as that, with its
   CHECK(!e.unknown);
 }
 
+TEST_CASE("a curtain that hangs elsewhere every time is told as that, and moves nothing else") {
+  const Explanation e = explained({.out_mm =
+                                       [](double, double y, double time_s) {
+                                         if (y < 3099.9) return 0.0;
+                                         std::mt19937 random(static_cast<unsigned>(std::lround(time_s)));
+                                         random.discard(10);
+                                         return 1.5 * std::normal_distribution<double>()(random);
+                                       }},
+                                  30);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  REQUIRE(e.unknown);
+  CHECK_THAT(e.unknown->describes,
+             Catch::StartsWith("target 'north' stands elsewhere from capture to capture"));
+  CHECK_THAT(e.unknown->describes, !Catch::Contains("; and"));
+}
+
 TEST_CASE("a wall that is pushed and put back is told as that") {
   const Explanation e = explained(
       {.out_mm = [](double, double y,
