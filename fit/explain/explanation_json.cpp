@@ -147,15 +147,14 @@ std::string to_text(const Explanation& e) {
     text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +
             "\n    " + found.evidence + "\n";
   for (const auto& set : e.undecided_between)
-    text +=
-        "Undecided between " + listed(suspects_in_words(set)) + ": this recording cannot tell them apart.\n";
+    text += "Undecided between " + listed(suspects_in_words(set)) + ": they fit this recording alike.\n";
   if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
   text += "Held-out means: rms " + rounded(e.before.rms_mm, 3) + " mm before, " + rounded(e.after.rms_mm, 3) +
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
           rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +
           " % after.\n";
   if (const double gain = e.after.log_likelihood - e.before.log_likelihood;
-      gain > 0 && e.verdict != nothing_missing)
+      gain >= 1 && e.verdict != nothing_missing)
     text += "All that is named raises the log-likelihood of held-out data by " + rounded(gain, 3) + ".\n";
   for (const Prediction& p : e.predictions)
     text += "Predicted, not fitted: " + p.session + ": samples rms " + rounded(p.before.rms_mm, 3) +

@@ -15,6 +15,8 @@ struct MeanResult {
   Hypothesis best;
   bool shapes_carry_over = true;  ///< To captures that had no part in them.
   HeldOutFigures before, after;  ///< The log-likelihood is of all channels.
+  /// Held-out captures lie farther off with what was found than without.
+  [[nodiscard]] bool is_worse_held_out() const { return after.rms_mm > 1.1 * before.rms_mm; }
   double noise_floor_mm = 0;
   double excess = 1;  ///< Factor on the variance of the means.
   MeanNoise noise;

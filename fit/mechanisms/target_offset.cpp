@@ -17,8 +17,10 @@ Mechanism make_target_offset() {
   };
   m.displaces = [](std::span<const double> p) { return Displacement{.offset_mm = p[0]}; };
   m.says = [](const Finding& f) {
-    return "Target '" + f.target + "' stands " + with_uncertainty(f.at("offset_mm"), "mm") +
-           " farther out along its normal than the bench file's uncertainty allows.";
+    const Estimate offset = f.at("offset_mm");
+    return "Target '" + f.target + "' stands " + with_uncertainty({std::abs(offset.value), offset.u}, "mm") +
+           (offset.value > 0 ? " farther out" : " farther in") +
+           " along its normal than the bench file says, which its uncertainty does not allow.";
   };
   m.separate = "move or turn the target, not the lidar";
   return m;

@@ -16,12 +16,15 @@ Mechanism make_target_tilt() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double slope = std::tan(p[0] * rad_per_deg);
     const double facing = c.cos_incidence + slope * std::sin(c.incidence_rad);
-    return Effect{.range_mm = -c.along_sign * slope * c.along_mm / std::max(0.05, facing)};
+    return Effect{.range_mm = -c.along_sign * slope * c.along_mm * range_per_mm_out(facing)};
   };
   m.displaces = [](std::span<const double> p) { return Displacement{.turn_rad = p[0] * rad_per_deg}; };
   m.says = [](const Finding& f) {
-    return "Target '" + f.target + "' is turned by " + with_uncertainty(f.at("tilt_deg"), "deg") +
-           " counter-clockwise, more than the bench file's uncertainty allows.";
+    const Estimate tilt = f.at("tilt_deg");
+    return "Target '" + f.target + "' is turned by " +
+           with_uncertainty({std::abs(tilt.value), tilt.u}, "deg") +
+           (tilt.value > 0 ? " counter-clockwise" : " clockwise") +
+           " from where the bench file says, which its uncertainty does not allow.";
   };
   m.separate = "move or turn the target, not the lidar";
   return m;

@@ -35,14 +35,11 @@ bool placed_by_bench_alone(const MeanResult& means, const Explanation& out) {
   return nothing_found && means.after.coverage < 0.5 && means.after.rms_mm > 3 * means.noise_floor_mm;
 }
 
-/// Held-out captures lie farther off with what was found than without.
-bool is_worse_held_out(const Explanation& out) { return out.after.rms_mm > 1.1 * out.before.rms_mm; }
-
 std::string on_worse_held_out(const Explanation& out) {
   return "Captures that took no part in the fit lie farther off with what was found than without: " +
          rounded(out.after.rms_mm) + " mm instead of " + rounded(out.before.rms_mm) +
          " mm. Captures contradict each other. Look for one whose target, distance or stage angle is not "
-         "what its description says, before anything here is believed.";
+         "what its description says.";
 }
 
 constexpr const char* on_few_stops =
@@ -69,7 +66,7 @@ void report_doubts(const Findings& findings, Explanation& out) {
   if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
   if (reduced.left_out > 0) note(on_left_out(reduced));
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
-  if (is_worse_held_out(out)) note(on_worse_held_out(out));
+  if (means.is_worse_held_out()) note(on_worse_held_out(out));
   if (means.excess > 1) note(on_excess(means.excess));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : findings.spread.accepted)

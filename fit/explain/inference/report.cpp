@@ -57,15 +57,22 @@ void add_size(const Found& more, Found& found) {
   found.says = found.mechanism->says(found);
 }
 
+std::string on_held_out(double gain, bool moves_means) {
+  constexpr double worth_telling = 1;
+  if (gain >= worth_telling)
+    return "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) +
+           ".";
+  return moves_means ? "Captures alone do not show it: without it mount or targets would have to be "
+                       "elsewhere than the bench "
+                       "file says."
+                     : "Captures that took no part in the fit do not show it.";
+}
+
 void report_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
   Found found = found_of(named.term, findings.reduced);
   found.probability = named.probability;
   found.says = found.mechanism->says(found);
-  found.evidence = gain > 0 ? "On captures that took no part in the fit it raises the log-likelihood by " +
-                                  rounded(gain, 3) + "."
-                            : "Captures alone do not show it: without it mount or targets would have to be "
-                              "elsewhere than the bench "
-                              "file says.";
+  found.evidence = on_held_out(gain, named.term.kind->moves_means());
   found.log_likelihood_gain = gain;
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
@@ -118,7 +125,9 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
       out.noise_suspects.push_back(as_suspect(member.term));
     }
   }
-  out.notes.push_back("Probabilities of what cannot be told apart: " + odds + ".");
+  if (members.size() > 1)
+    out.notes.push_back("Of what fits alike, usual sizes alone give " + odds +
+                        (set.also.empty() ? "." : "; how far off the bench file may be has no usual size."));
 }
 
 /// Whether what was found describes where most of the beams meet the scene.
@@ -131,7 +140,8 @@ bool is_confirmed(const Inferred& inferred, std::size_t named) {
   const Gain& gain = inferred.gain[named];
   const bool captures_ask_for_it = gain.fitted > -numbers::contradicted_at;  // and not the bench file alone
   return (!captures_ask_for_it || gain.held_out > numbers::contradicted_at) &&
-         (describes(inferred) || !inferred.posterior.named[named].term.kind->moves_means());
+         ((describes(inferred) && !inferred.means.is_worse_held_out()) ||
+          !inferred.posterior.named[named].term.kind->moves_means());
 }
 
 /// A mechanism that captures contradict to which it was not fitted is no explanation, nor is any where the
