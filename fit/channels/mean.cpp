@@ -43,7 +43,9 @@ std::vector<model::RoughSurfaces::Place> places_of(const MeanModel& model) {
   std::vector<model::RoughSurfaces::Place> places;
   for (Index i = 0; i < model.rows(); ++i) {
     const Circumstances& at = model.cell(i).at;
-    places.push_back({at.target, at.along_mm, range_per_mm_out(at.cos_incidence) / model.sigma_of_mean(i)});
+    const double weight = 1 / model.sigma_of_mean(i);
+    places.push_back(
+        {at.target, model.cell(i).group, at.along_mm, weight, weight * range_per_mm_out(at.cos_incidence)});
   }
   return places;
 }

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {

@@ -7,14 +7,16 @@
 #include <utility>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/straight_line.hpp"
 
 namespace fit::explain::model {
 namespace {
 
 using Eigen::Index;
 
-/// Lengths of stretches, each half as long as the next. Longer waves are cosines of the whole target.
-constexpr std::array lengths_mm{15.0, 30.0, 60.0, 120.0, 240.0, 480.0};
+/// Lengths of stretches, each half as long as the next. Longer waves are cosines of the whole target; a spot
+/// evens out shorter ones.
+constexpr std::array lengths_mm{30.0, 60.0, 120.0, 240.0, 480.0};
 
 }  // namespace
 
@@ -76,16 +78,39 @@ void RoughSurfaces::whiten(Eigen::MatrixXd& columns) const {
   for (Index k = 0; k < columns.cols(); ++k) whiten(columns.col(k));
 }
 
+namespace {
+
+/// Less the line, in range over the place, along every target in every group.
+Eigen::VectorXd without_lines(const std::vector<RoughSurfaces::Place>& places,
+                              const Eigen::VectorXd& residual) {
+  std::map<std::pair<int, int>, StraightLine> lines;
+  const auto line_of = [&](const RoughSurfaces::Place& at) -> StraightLine& {
+    return lines[{at.group, at.target}];
+  };
+  Eigen::VectorXd left = residual;
+  for (std::size_t i = 0; i < places.size(); ++i)
+    line_of(places[i]).add(places[i].along_mm, residual[static_cast<Index>(i)] / places[i].weight);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const StraightLine& line = line_of(places[i]);
+    const double at = line.spread() > 0 ? line.at(places[i].along_mm) : line.mean();
+    left[static_cast<Index>(i)] -= places[i].weight * at;
+  }
+  return left;
+}
+
+}  // namespace
+
 RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
                                  const Eigen::VectorXd& residual) {
   const std::vector<RoughSurfaces::Level> tree = RoughSurfaces::tree_of(places);
   RoughSurfaces best(places, tree, numbers::rough_mm);
+  const Eigen::VectorXd left = without_lines(places, residual);
   double most = -1e300;
   constexpr double within = numbers::rough_within * numbers::rough_within;
   for (double step_mm = numbers::rough_mm / within; step_mm < 1.1 * within * numbers::rough_mm;
        step_mm *= std::sqrt(2.0)) {
     RoughSurfaces surfaces(places, tree, step_mm);
-    Eigen::MatrixXd white = residual;
+    Eigen::MatrixXd white = left;
     surfaces.whiten(white);
     const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within),
                  log_posterior = -0.5 * (white.squaredNorm() + surfaces.log_determinant() + off * off);

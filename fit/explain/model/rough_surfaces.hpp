@@ -12,9 +12,10 @@ namespace fit::explain::model {
 class RoughSurfaces {
  public:
   struct Place {
-    int target = 0;
+    int target = 0, group = 0;
     double along_mm = 0;
-    double slope = 0;  ///< What a mm out along the normal does to the row, whose own noise is one.
+    double weight = 0;  ///< What a mm of range does to the row, whose own noise is one ...
+    double slope = 0;   ///< ... and a mm out along the normal.
   };
   /// The rows on every stretch of one length.
   struct Level {
@@ -50,7 +51,8 @@ class RoughSurfaces {
 };
 
 /// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,
-/// within two of its standard deviations: what is left over may be something else's.
+/// within two of its standard deviations. What is left over may be something else's, which differs little
+/// within one target: a line along each, in every group, says nothing.
 [[nodiscard]] RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
                                                const Eigen::VectorXd& residual);
 
