@@ -15,7 +15,7 @@ Mechanism make_time_quantisation() {
   m.cause = "the flight time is counted in coarse bins";
   m.coordinate = Coordinate::range;
   m.formula_error = 0.1;
-  m.parameters = {{.name = "share", .typical = 0.1, .expected = 1},
+  m.parameters = {{.name = "share", .typical = 0.1, .expected = 1, .sign = 1},
                   {.name = "bin_mm",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::bin,

@@ -13,7 +13,8 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
                                   fit::explain::MeanResult(bench)};
   const auto notes = [&findings](double rms_mm, double coverage) {
     findings.means.noise_floor_mm = 0.6;
-    findings.means.after.rms_mm = rms_mm, findings.means.after.coverage = coverage;
+    findings.means.before.rms_mm = findings.means.after.rms_mm = rms_mm;
+    findings.means.after.coverage = coverage;
     fit::explain::Explanation out;
     fit::explain::answer::report_doubts(findings, out);
     return out.notes;
