@@ -272,10 +272,12 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
     predict_at(reduced, found);
   }
   const MeanModel model(reduced, means.noise);
-  for (const Shape& shape : found.shapes)
+  for (const Shape& shape : found.shapes) {
+    if (shape.form->of_one_target_in_time) continue;
     for (const int target : along_targets(shape, model.bench()))
       if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
         p.empirical.push_back(std::move(table));
+  }
   add_empirical_mm(p.empirical, reduced);
   p.constant_after = constant_noise_of(reduced, p.noise);
   predict_at(reduced, means.best);

@@ -113,7 +113,7 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
-      if (member.kind->moves_means())
+      if (member.kind->moves_means() && !member.kind->form->form->of_one_target_in_time)
         out.unnamed_suspects.push_back(
             seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
     } else if (member.kind->mechanism->happened_once()) {
