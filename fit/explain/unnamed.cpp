@@ -21,9 +21,9 @@ Course course_of(const Shape& shape, const MeanModel& model) {
   course.what = channel.what;
   course.unit = channel.unit;
   course.scale = channel.in_unit;
-  const bool of_places = shape.coordinate == Coordinate::target && shape.target != -1;
+  const bool of_places = shape.is_along_one_target() || shape.target == all_targets;
   course.coordinate = of_places ? place_along(model.bench(), shape.target) : name_of(shape.coordinate);
-  course.unit_of_coordinate = of_places && shape.target >= 0 ? " mm" : unit_of(shape.coordinate);
+  course.unit_of_coordinate = shape.is_along_one_target() ? " mm" : unit_of(shape.coordinate);
   if (shape.target >= 0) course.target = model.bench().target_at(shape.target).name;
   const Eigen::VectorXd effect = effect_of(model, shape);
   for (Eigen::Index i = 0; i < model.rows(); ++i) {

@@ -25,6 +25,8 @@ struct Shape {
   double size = 1;    ///< Standard size of the prior: mm or rad.
   std::vector<double> places = {};  ///< Of a form with a value for each of them.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
+
+  [[nodiscard]] bool is_along_one_target() const { return coordinate == Coordinate::target && target >= 0; }
 };
 
 /// An unnamed function as it came out, so that it says the same of other recordings. A form that is scaled to

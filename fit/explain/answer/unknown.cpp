@@ -16,9 +16,8 @@ Unexplained of_shapes(const Findings& findings) {
   u.observable = Observable::range_mean;
   u.coordinate = shape.coordinate;
   u.describes = first.text;
-  const bool of_places = shape.coordinate == Coordinate::target && shape.target >= 0;
-  u.from = of_places ? shape.target : first.from;
-  u.to = of_places ? shape.target : first.to;
+  u.from = shape.is_along_one_target() ? shape.target : first.from;
+  u.to = shape.is_along_one_target() ? shape.target : first.to;
   for (std::size_t i = 1; i < means.best.shapes.size(); ++i)
     u.describes += "; and " + describe(means.best.shapes[i], model).text;
   return u;

@@ -84,7 +84,7 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   course.unit = model::channel_kinds()[c].unit.empty() ? "" : " " + model::channel_kinds()[c].unit;
   if (model::channel_kinds()[c].is_square) course.unit += "^2";
   if (term.kind->is_share) course.unit.clear();
-  const bool on_a_target = shape.target >= 0;
+  const bool on_a_target = shape.is_along_one_target();
   course.coordinate =
       on_a_target ? place_along(session.reduced().bench, shape.target) : name_of(shape.coordinate);
   course.unit_of_coordinate = on_a_target ? " mm" : unit_of(shape.coordinate);

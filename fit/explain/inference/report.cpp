@@ -63,8 +63,7 @@ std::string on_held_out(double gain, bool moves_means) {
     return "On captures that took no part in the fit it raises the log-likelihood by " + rounded(gain, 3) +
            ".";
   return moves_means ? "Captures alone do not show it: without it mount or targets would have to be "
-                       "elsewhere than the bench "
-                       "file says."
+                       "elsewhere than the bench file says."
                      : "Captures that took no part in the fit do not show it.";
 }
 
