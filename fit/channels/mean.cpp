@@ -96,9 +96,15 @@ class Means final : public model::NormalRows {
     return whitened(model_.raw_residual() - eta, {});
   }
   [[nodiscard]] std::string note() const {
-    if (!rough_ || rough_->step_mm() < numbers::rough_within * numbers::rough_mm) return {};
-    return "Targets are rough: places a metre apart differ by " + rounded(rough_->step_mm(), 2) +
-           " mm (standard deviation). What is smaller on one target is told from its shape only where others "
+    if (!rough_) return {};
+    std::string list;
+    for (const auto& [target, step_mm] : rough_->steps_mm())
+      if (step_mm >= numbers::rough_within * numbers::rough_mm)
+        list += (list.empty() ? "'" : ", '") + own_.bench.target_at(target).name + "' " +
+                rounded(step_mm, 2) + " mm";
+    if (list.empty()) return {};
+    return "Targets are rough: places a metre apart differ by " + list +
+           " (standard deviation). What is smaller on one target is told from its shape only where others "
            "show it as well.";
   }
 
@@ -118,7 +124,8 @@ class Means final : public model::NormalRows {
     const auto places = places_of(model_);
     rough_ = model::likeliest_surfaces(places, model_.whitened(model_.raw_residual()));
     for (Index i = 0; i < rows(); ++i)
-      variances[i] += rough_->variance_mm2() * std::pow(places[static_cast<std::size_t>(i)].slope, 2);
+      variances[i] += rough_->variance_mm2(places[static_cast<std::size_t>(i)].target) *
+                      std::pow(places[static_cast<std::size_t>(i)].slope, 2);
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));

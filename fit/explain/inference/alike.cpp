@@ -226,6 +226,48 @@ std::vector<Member> functions_instead(const Session& session, const Fitted& best
   return {};
 }
 
+/// A function that nobody stated is its cause to within a share of it. What that leaves of the cause may look
+/// like a mechanism, which gains at most as much as it costs (docs/method/model.md, 7).
+class LeftByFunctions {
+ public:
+  LeftByFunctions(const Session& session, const Fitted& best) : session_(session), best_(best) {
+    Hypothesis mechanisms;
+    for (const Term& term : best.hypothesis.terms) {
+      if (!term.kind->is_form())
+        mechanisms.terms.push_back(term);
+      else if (!first_)
+        first_ = &term;
+    }
+    if (!first_) return;
+    const Fitted without = fit(session, mechanisms);
+    for (std::size_t c = 0; c < best.optimum.of_channel.size(); ++c)
+      costs_.push_back(std::pow(numbers::function_error, 2) *
+                       std::max(0.0, best.optimum.of_channel[c] - without.optimum.of_channel[c]));
+  }
+
+  /// A function instead of what is named, where it may be no more than that.
+  [[nodiscard]] std::vector<Member> instead_of(const Named& named) const {
+    if (!first_ || !best_.hypothesis.has(*named.term.kind)) return {};
+    double may_gain = 0;
+    for (std::size_t c = 0; c < costs_.size(); ++c)
+      if (named.term.kind->acts_in[c]) may_gain += costs_[c];
+    Hypothesis less;
+    for (const Term& own : best_.hypothesis.terms)
+      if (own.kind != named.term.kind) less.terms.push_back(own);
+    const double log_odds =
+        best_.hypothesis.log_posterior() - fit(session_, less).hypothesis.log_posterior() - may_gain;
+    const double probability = 1 / (1 + std::exp(-std::max(0.0, log_odds)));
+    if (probability >= numbers::named_at) return {};
+    return {{first_->kind, named.probability * (1 - probability) / probability, *first_}};
+  }
+
+ private:
+  const Session& session_;
+  const Fitted& best_;
+  const Term* first_ = nullptr;  ///< Of the functions.
+  std::vector<double> costs_;    ///< By channel.
+};
+
 std::vector<std::string> names_of_bench_file(const Term& term) {
   std::vector<std::string> names;
   std::ranges::copy_if(term.kind->mechanism->looks_like, std::back_inserter(names), is_of_bench_file);
@@ -250,11 +292,13 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 }  // namespace
 
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
+  const LeftByFunctions left(session, best);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     std::vector<Member> rivals =
         rivals_of(session, best, named.term, named.probability, {named.term.kind->mechanism.get()});
     std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
+    std::ranges::copy(left.instead_of(named), std::back_inserter(rivals));
     const std::vector<std::string> also = names_of_bench_file(named.term);
     if (rivals.empty() && also.empty()) {
       alone.push_back(named);

@@ -23,6 +23,7 @@ constexpr double worth_fitting = -3;    ///< Log odds by the score test.
 constexpr double contradicted_at = -3;  ///< Log odds that captures give against what was fitted to others.
 constexpr double goes_with = 0.97;      ///< Rank correlation of coordinates that a session confounds.
 constexpr double fits_as_well = 3;      ///< Log-likelihood by which another name for it may fit worse.
+constexpr double function_error = 0.2;  ///< Share to which a function that nobody stated is its cause.
 constexpr double describes_at = 0.5;    ///< Share of held-out means that 95 % intervals hold.
 constexpr std::size_t most_terms = 8;   ///< Of a hypothesis ...
 constexpr std::size_t exchanged_terms = 5;  ///< ... and of one whose terms are exchanged one by one.

@@ -18,6 +18,11 @@ using Eigen::Index;
 /// evens out shorter ones.
 constexpr std::array lengths_mm{30.0, 60.0, 120.0, 240.0, 480.0};
 
+/// What a stretch adds by itself, where two places a metre apart differ by one. Means of neighbouring
+/// stretches of a random walk differ by 2/3 of the variance that it walks along one: with what the parts of
+/// both add, by 8/3 of a stretch's own.
+double own_sigma(double length_mm) { return std::sqrt(length_mm / 1000 / 4); }
+
 }  // namespace
 
 std::vector<RoughSurfaces::Level> RoughSurfaces::tree_of(const std::vector<Place>& places) {
@@ -33,15 +38,14 @@ std::vector<RoughSurfaces::Level> RoughSurfaces::tree_of(const std::vector<Place
   return tree;
 }
 
-RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, double step_mm)
-    : step_mm_(step_mm) {
+RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, Steps steps_mm)
+    : steps_mm_(std::move(steps_mm)) {
   for (const auto& [length_mm, stretches] : tree) {
-    // Means of neighbouring stretches of a random walk differ by 2/3 of what it walks along one: with what
-    // the parts of both add, by 8/3 of a stretch's own variance.
-    const double sigma_mm = step_mm * std::sqrt(length_mm / 1000 / 4);
-    variance_mm2_ += sigma_mm * sigma_mm;
     Eigen::MatrixXd z(static_cast<Index>(places.size()), 1);
-    for (Index i = 0; i < z.rows(); ++i) z(i, 0) = sigma_mm * places[static_cast<std::size_t>(i)].slope;
+    for (Index i = 0; i < z.rows(); ++i) {
+      const Place& at = places[static_cast<std::size_t>(i)];
+      z(i, 0) = own_sigma(length_mm) * steps_mm_.at(at.target) * at.slope;
+    }
     whiten(z);
     std::vector<Stretch> added;
     for (const std::vector<Index>& rows : stretches) {
@@ -59,10 +63,27 @@ RoughSurfaces::RoughSurfaces(const std::vector<Place>& places, const std::vector
         continue;
       }
       added.push_back({first, rows_.size(), (1 - 1 / std::sqrt(1 + square)) / square});
-      log_determinant_ += std::log(1 + square);
+      log_determinants_[places[static_cast<std::size_t>(rows.front())].target] += std::log(1 + square);
     }
     stretches_.insert(stretches_.end(), added.begin(), added.end());
   }
+}
+
+double RoughSurfaces::log_determinant() const {
+  double sum = 0;
+  for (const auto& [target, own] : log_determinants_) sum += own;
+  return sum;
+}
+
+double RoughSurfaces::log_determinant_of(int target) const {
+  const auto own = log_determinants_.find(target);
+  return own == log_determinants_.end() ? 0 : own->second;
+}
+
+double RoughSurfaces::variance_mm2(int target) const {
+  double shares = 0;
+  for (const double length_mm : lengths_mm) shares += std::pow(own_sigma(length_mm), 2);
+  return shares * std::pow(steps_mm_.at(target), 2);
 }
 
 void RoughSurfaces::whiten(Eigen::Ref<Eigen::VectorXd> column) const {
@@ -103,22 +124,32 @@ Eigen::VectorXd without_lines(const std::vector<RoughSurfaces::Place>& places,
 RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
                                  const Eigen::VectorXd& residual) {
   const std::vector<RoughSurfaces::Level> tree = RoughSurfaces::tree_of(places);
-  RoughSurfaces best(places, tree, numbers::rough_mm);
   const Eigen::VectorXd left = without_lines(places, residual);
-  double most = -1e300;
-  constexpr double within = numbers::rough_within * numbers::rough_within;
+  struct Best {
+    double log_posterior = -1e300, step_mm = numbers::rough_mm;
+  };
+  std::map<int, Best> best;
+  for (const RoughSurfaces::Place& at : places) best[at.target];
+  RoughSurfaces::Steps steps_mm;
+  constexpr double within = numbers::rough_within * numbers::rough_within * numbers::rough_within;
   for (double step_mm = numbers::rough_mm / within; step_mm < 1.1 * within * numbers::rough_mm;
        step_mm *= std::sqrt(2.0)) {
-    RoughSurfaces surfaces(places, tree, step_mm);
+    for (const auto& [target, present] : best) steps_mm[target] = step_mm;
+    const RoughSurfaces surfaces(places, tree, steps_mm);
     Eigen::MatrixXd white = left;
     surfaces.whiten(white);
-    const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within),
-                 log_posterior = -0.5 * (white.squaredNorm() + surfaces.log_determinant() + off * off);
-    if (log_posterior <= most) continue;
-    most = log_posterior;
-    best = std::move(surfaces);
+    std::map<int, double> squares;
+    for (std::size_t i = 0; i < places.size(); ++i)
+      squares[places[i].target] += std::pow(white(static_cast<Index>(i), 0), 2);
+    const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within);
+    for (auto& [target, present] : best) {
+      const double log_posterior =
+          -0.5 * (squares.at(target) + surfaces.log_determinant_of(target) + off * off);
+      if (log_posterior > present.log_posterior) present = {log_posterior, step_mm};
+    }
   }
-  return best;
+  for (const auto& [target, present] : best) steps_mm[target] = present.step_mm;
+  return {places, tree, std::move(steps_mm)};
 }
 
 }  // namespace fit::explain::model

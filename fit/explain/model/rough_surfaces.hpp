@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <map>
 #include <vector>
 
 namespace fit::explain::model {
@@ -11,6 +12,8 @@ namespace fit::explain::model {
 /// stretch lies off by an amount of its own, out along the normal, and its parts by amounts of theirs.
 class RoughSurfaces {
  public:
+  /// Of every target, the standard deviation of the difference of two places a metre apart.
+  using Steps = std::map<int, double>;
   struct Place {
     int target = 0, group = 0;
     double along_mm = 0;
@@ -25,17 +28,17 @@ class RoughSurfaces {
   /// Of all lengths, the shortest first. One place for each row.
   [[nodiscard]] static std::vector<Level> tree_of(const std::vector<Place>& places);
 
-  /// `step_mm`: standard deviation of the difference of two places a metre apart.
-  RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, double step_mm);
+  RoughSurfaces(const std::vector<Place>& places, const std::vector<Level>& tree, Steps steps_mm);
 
   /// Rows of unit noise divided by the square root of the covariance. Disjoint stretches are divided out one
   /// after the other, the finest first: every coarser one holds whole finer ones.
   void whiten(Eigen::MatrixXd& columns) const;
-  [[nodiscard]] double log_determinant() const { return log_determinant_; }
-  /// Standard deviation of the difference of two places a metre apart, mm.
-  [[nodiscard]] double step_mm() const { return step_mm_; }
-  /// Of one place, on all lengths together, mm^2.
-  [[nodiscard]] double variance_mm2() const { return variance_mm2_; }
+  [[nodiscard]] double log_determinant() const;
+  /// The part of a target's rows in it.
+  [[nodiscard]] double log_determinant_of(int target) const;
+  [[nodiscard]] const Steps& steps_mm() const { return steps_mm_; }
+  /// Of one place of a target, on all lengths together, mm^2.
+  [[nodiscard]] double variance_mm2(int target) const;
 
  private:
   struct Stretch {
@@ -47,12 +50,13 @@ class RoughSurfaces {
   std::vector<Stretch> stretches_;
   std::vector<Eigen::Index> rows_;
   std::vector<double> z_;
-  double log_determinant_ = 0, step_mm_ = 0, variance_mm2_ = 0;
+  Steps steps_mm_;
+  std::map<int, double> log_determinants_;  ///< By target.
 };
 
-/// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,
-/// within two of its standard deviations. What is left over may be something else's, which differs little
-/// within one target: a line along each, in every group, says nothing.
+/// Surfaces with which residuals of unit noise are the most likely, those of every target by themselves, by a
+/// prior around what a good board has, within three of its standard deviations. What is left over may be
+/// something else's, which differs little within one target: a line along each, in every group, says nothing.
 [[nodiscard]] RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
                                                const Eigen::VectorXd& residual);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 namespace fit::explain::model {
 namespace {
@@ -75,6 +76,13 @@ Spans spans_in(std::vector<RowScore> rows, bool either_sign) {
     }
   spans.possible = tried.size();
   spans.likeliest = best_of(std::move(tried));
+  // Up to a moment, or from it on: where a nuisance holds the mean of both, the rows say the same of either.
+  for (const Span& span : std::vector(spans.likeliest)) {
+    std::optional<Span> rest;
+    if (span.from == borders.front().place) rest = {span.to, borders.back().place};
+    if (span.to == borders.back().place) rest = {borders.front().place, span.from};
+    if (rest && !std::ranges::count(spans.likeliest, *rest)) spans.likeliest.push_back(*rest);
+  }
   return spans;
 }
 

@@ -25,6 +25,7 @@ void keep_best(std::size_t most, std::vector<Item>& list, Measure measure) {
 /// From one place of a coordinate to another.
 struct Span {
   double from = 0, to = 0;
+  bool operator==(const Span&) const = default;
 };
 
 /// Spans between which an effect may be limited.

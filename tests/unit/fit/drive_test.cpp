@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/support/moving_room.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace drive_test {
 namespace {
@@ -136,10 +137,10 @@ void check_within(const fit::DriveFit& fit, const Robot& robot, double times) {
 
 }  // namespace
 
-TEST_CASE("a drive past walls calibrates wheels and lidar pose") {
+TEST_CASE("a drive past walls calibrates wheels and lidar pose", "[rounds]") {
   const Robot truth;
   const double* expected = truth_of(truth);
-  for (const unsigned seed : {1u, 2u}) {
+  for (const unsigned seed : some_of<unsigned>({1, 2})) {
     const auto fit = fit::fit_drive(Drive(truth, seed), from_nominal());
     CHECK(fit.odometry.undetermined.empty());
     for (int i = 0; i < 6; ++i) {

@@ -84,6 +84,15 @@ TEST_CASE("a wall that is not flat is told by its place on it, and nothing is na
   CHECK_THAT(e.unknown->describes, Catch::Contains("along target 'north'"));
 }
 
+TEST_CASE("a corrugated wall is rough, and no wave of the range is named for it") {
+  const Explanation e = explained(
+      {.wall_mm = [](double x, double y) { return y > 3000 ? 5 * std::sin(2 * fit::pi * x / 230) : 0; }}, 12);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK_THAT(to_text(e), Catch::Contains("Targets are rough") && Catch::Contains("'north'") &&
+                             !Catch::Contains("'south'"));
+}
+
 TEST_CASE("walls that are all a little uneven are told as just that") {
   const Explanation e = explained(
       {.wall_mm = [](double x, double y) { return 2 * std::sin(x / 410) + 2 * std::cos(y / 530); }}, 12);

@@ -89,7 +89,7 @@ TEST_CASE("edges are where a lidar far off the stage's axis sees them") {
   CHECK(on_the_wrong_side() < 0.01);
 }
 
-TEST_CASE("how much angles happen to scatter in a few scans is no course of the noise") {
+TEST_CASE("how much angles happen to scatter in a few scans is no course of the noise", "[long]") {
   const PlainScene scene{.walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};
   SyntheticRecording recording = plain_bench::recorded(scene, 8, jitter(0.4));
   plain_bench::turn_round(recording, scene, 24, 8);
@@ -362,7 +362,7 @@ TEST_CASE("surfaces that stand elsewhere because all angles are off are no wide 
   CHECK_FALSE(e.unknown);
 }
 
-TEST_CASE("edges seen from many sides by a lidar that stands turned are hard") {
+TEST_CASE("edges seen from many sides by a lidar that stands turned are hard", "[long]") {
   const double turned = 1.7 * degree;
   SyntheticRecording recording = plain_bench::recorded(
       boards(), 16, [&](double, double, double) { return Deviation{.beam_rad = turned}; });
@@ -373,7 +373,7 @@ TEST_CASE("edges seen from many sides by a lidar that stands turned are hard") {
   CHECK_FALSE(e.unknown);
 }
 
-TEST_CASE("that few edges lie within the scatter of angles says how little they scatter") {
+TEST_CASE("that few edges lie within the scatter of angles says how little they scatter", "[long]") {
   SyntheticRecording recording = plain_bench::recorded(boards_in_place(), 17, jitter(0.02));
   plain_bench::turn_round(recording, boards_in_place(), 60, 20);
   const Explanation e = fit::explain::explain({&recording}, {});
@@ -384,7 +384,7 @@ TEST_CASE("that few edges lie within the scatter of angles says how little they 
   CHECK(angles->parameters.at("sigma_deg").value == Approx(0.02).epsilon(0.2));
 }
 
-TEST_CASE("a few samples between two surfaces do not hide how wide a beam is") {
+TEST_CASE("a few samples between two surfaces do not hide how wide a beam is", "[long]") {
   const PlainScene scene = boards_in_place();
   std::mt19937 random(3);
   const auto wide = [&](double beam_rad, double stage_rad, double) {

@@ -121,7 +121,7 @@ TEST_CASE(
         Approx(0.002).epsilon(0.15));
 }
 
-TEST_CASE("a plain formula does not pay for what others of its cause may have besides", "[rounds]") {
+TEST_CASE("a plain formula does not pay for what others of its cause may have besides", "[rounds][long]") {
   // In a corridor echoes get weaker as walls get more slanted: a range walk can do what they do.
   PlainScene corridor = room_of(1);
   corridor.walls = {{{-4000, -900}, {4000, -900}},

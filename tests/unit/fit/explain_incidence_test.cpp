@@ -124,7 +124,7 @@ TEST_CASE(
 }
 
 TEST_CASE("where a corridor's far walls hardly reach a threshold, what their slant does bends back",
-          "[rounds]") {
+          "[rounds][long]") {
   const Explanation e =
       explained(corridor, GENERATE(from_range(some_of<Spot>({{5, 5, 0.4}, {3, 3, 0.4}}))), 2);
   INFO(to_text(e));

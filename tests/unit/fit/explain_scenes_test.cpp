@@ -106,7 +106,7 @@ TEST_CASE("light over a corner's other wall is told as such, be every corner ano
   CHECK_FALSE(e.unknown);
 }
 
-TEST_CASE("angles that step at one beam are a step there, however many samples") {
+TEST_CASE("angles that step at one beam are a step there, however many samples", "[long]") {
   constexpr double at_deg = -61.9;
   const auto step = [](double beam_rad, double, double) {
     return Deviation{.beam_rad = beam_rad > at_deg * degree ? 0.12 * degree : 0};
@@ -122,7 +122,7 @@ TEST_CASE("angles that step at one beam are a step there, however many samples")
   CHECK((e.unknown->from + e.unknown->to) / 2 == Approx(at_deg).margin(1));
 }
 
-TEST_CASE("bins of the flight time are found on slanted walls, where neighbours fall into others") {
+TEST_CASE("bins of the flight time are found on slanted walls, where neighbours fall into others", "[long]") {
   PlainScene scene = at_spacing(l_room, 0.25);
   scene.u_mm = scene.u_mount_mm = 0.001;
   scene.u_deg = scene.u_yaw_deg = 0.0001;

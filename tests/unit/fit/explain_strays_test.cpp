@@ -81,8 +81,9 @@ TEST_CASE("the fraction of outliers counts those that noise hides, and its uncer
   CHECK(sum / (all - undecided) == Approx(truth).margin(0.0016 / std::sqrt(all)));
 }
 
-TEST_CASE("one stray in 10,000 samples is an outlier far away, and a tail of the noise close to the wall") {
-  for (const unsigned seed : {1u, 2u, 3u}) {
+TEST_CASE("one stray in 10,000 samples is an outlier far away, and a tail of the noise close to the wall",
+          "[rounds]") {
+  for (const unsigned seed : some_of<unsigned>({1, 2, 3})) {
     const NoiseFindings far = wall_with_few_strays(1300, seed);
     INFO(far.in_words());
     REQUIRE(far.accepted.size() == 1);

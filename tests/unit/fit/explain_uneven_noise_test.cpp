@@ -56,7 +56,7 @@ TEST_CASE("noise that differs from beam to beam is nothing that whole scans have
   }
 }
 
-TEST_CASE("beside such noise a stage that jitters is found", "[rounds]") {
+TEST_CASE("beside such noise a stage that jitters is found", "[rounds][long]") {
   constexpr double jitter_deg = 0.1;
   for (unsigned seed = 1; seed <= rounds(5); ++seed) {
     const NoiseFindings result = spread_of(jitter_deg, seed);

@@ -192,7 +192,7 @@ std::vector<std::string> reported(const Explanation& e) {
   return names;
 }
 
-TEST_CASE("beams that lose echoes, and scatter as all others do, are not called light for sure") {
+TEST_CASE("beams that lose echoes, and scatter as all others do, are not called light for sure", "[long]") {
   const Explanation e = explained([](double beam_deg, double, double) {
     return Light{.lost = 0.04 * std::exp(-std::pow((beam_deg + 40) / 12, 2) / 2)};
   });
@@ -222,7 +222,7 @@ TEST_CASE("without light nothing is reported", "[rounds]") {
 
 TEST_CASE("coarse steps of the range make no noise of a few beams, and hide none that is clear", "[rounds]") {
   const unsigned round = GENERATE(0U, 1U, 2U, 3U);
-  if (round >= rounds(8)) return;  // two in the suite
+  if (round >= rounds(8)) return;  // one in the suite
   const double step_mm = std::array{7.0, 15.7, 3.0, 10.0}[round];
   const auto shines = GENERATE(false, true);
   const Explanation e = explained(
