@@ -117,12 +117,18 @@ class Footprints final : public model::WidthRows {
   }
 };
 
+/// The light of a round post falls by itself towards its sides, more steeply the nearer, and by how much
+/// hangs on hundredths of a degree.
+bool is_round(const Bench& bench, int target) {
+  return target >= 0 && bench.target_at(target).round.has_value();
+}
+
 /// From the first capture on that shows a dip: receivers whose intensity is no measure of it show none.
 std::vector<EdgeInCaptures> edges_of(const Reduced& reduced) {
   constexpr std::size_t most_rows = 60;  // computing time
   std::map<std::tuple<int, std::optional<std::string>, double>, EdgeInCaptures> by_edge;
   for (Transition& seen : model::transitions(reduced)) {
-    if (seen.at().gap_mm < apart_mm) continue;
+    if (seen.at().gap_mm < apart_mm || is_round(reduced.bench, target_beside(seen, 1))) continue;
     const CaptureInfo& capture = reduced.captures[static_cast<std::size_t>(seen.capture())];
     by_edge[{seen.edge(), capture.target, capture.target_shift_mm}].captures.push_back(std::move(seen));
   }

@@ -10,6 +10,7 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/reduction/dead_beams.hpp"
 #include "fit/explain/reduction/misplaced_captures.hpp"
+#include "fit/explain/reduction/openings.hpp"
 #include "fit/explain/reduction/passers.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 #include "fit/explain/single_beams.hpp"
@@ -103,6 +104,17 @@ std::string note_on_dead_beams(const reduction::Sectors& dead) {
          "they are dead, or something stands before the window.";
 }
 
+std::string note_on(const std::vector<reduction::Opening>& openings, const Bench& bench) {
+  std::vector<std::string> list;
+  for (const auto& [target, from_mm, to_mm, captures] : openings)
+    list.push_back("target '" + bench.target_at(target).name + "' from " + rounded(from_mm, 4) + " to " +
+                   rounded(to_mm, 4) + " mm from its middle in " + std::to_string(captures) + " captures");
+  if (list.empty()) return {};
+  return "Beams go through " + listed(list) +
+         ": nothing comes back, or what stands far behind. That was left out. It is an opening, glass or "
+         "something dark, which the bench file does not have: add it there, or close it and record again.";
+}
+
 std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures) {
   if (passers.empty()) return {};
   std::set<int> in;
@@ -141,9 +153,10 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   }
   const std::string note_on_things = note_on(passers, reduced_.captures);
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
+  const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
   reduction::steady_echoes(reduced_);
-  for (const std::string& note :
-       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_clusters(single_)})
+  for (const std::string& note : {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
+                                  note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/rough_surfaces.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -125,30 +126,40 @@ RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places
                                  const Eigen::VectorXd& residual) {
   const std::vector<RoughSurfaces::Level> tree = RoughSurfaces::tree_of(places);
   const Eigen::VectorXd left = without_lines(places, residual);
-  struct Best {
-    double log_posterior = -1e300, step_mm = numbers::rough_mm;
+  const auto off = [](double step_mm, double usual_mm) {
+    return 0.5 * std::pow(std::log(step_mm / usual_mm) / std::log(numbers::rough_within), 2);
   };
-  std::map<int, Best> best;
-  for (const RoughSurfaces::Place& at : places) best[at.target];
-  RoughSurfaces::Steps steps_mm;
-  constexpr double within = numbers::rough_within * numbers::rough_within * numbers::rough_within;
-  for (double step_mm = numbers::rough_mm / within; step_mm < 1.1 * within * numbers::rough_mm;
+  constexpr double most = numbers::rough_within * numbers::rough_within * numbers::rough_within;
+  std::vector<double> tried_mm;
+  std::map<int, std::vector<double>> log_likelihoods;  // of every target, of what was tried
+  std::vector<double> log_posteriors;                  // of all targets alike
+  for (double step_mm = numbers::rough_mm / most; step_mm < 1.1 * most * numbers::rough_mm;
        step_mm *= std::sqrt(2.0)) {
-    for (const auto& [target, present] : best) steps_mm[target] = step_mm;
-    const RoughSurfaces surfaces(places, tree, steps_mm);
+    RoughSurfaces::Steps alike;
+    for (const RoughSurfaces::Place& at : places) alike[at.target] = step_mm;
+    const RoughSurfaces surfaces(places, tree, alike);
     Eigen::MatrixXd white = left;
     surfaces.whiten(white);
-    std::map<int, double> squares;
+    for (const auto& [target, step] : alike)
+      log_likelihoods[target].push_back(-0.5 * surfaces.log_determinant_of(target));
     for (std::size_t i = 0; i < places.size(); ++i)
-      squares[places[i].target] += std::pow(white(static_cast<Index>(i), 0), 2);
-    const double off = std::log(step_mm / numbers::rough_mm) / std::log(numbers::rough_within);
-    for (auto& [target, present] : best) {
-      const double log_posterior =
-          -0.5 * (squares.at(target) + surfaces.log_determinant_of(target) + off * off);
-      if (log_posterior > present.log_posterior) present = {log_posterior, step_mm};
-    }
+      log_likelihoods[places[i].target].back() -= 0.5 * std::pow(white(static_cast<Index>(i), 0), 2);
+    log_posteriors.push_back(-off(step_mm, numbers::rough_mm));
+    for (const auto& [target, logs] : log_likelihoods) log_posteriors.back() += logs.back();
+    tried_mm.push_back(step_mm);
   }
-  for (const auto& [target, present] : best) steps_mm[target] = present.step_mm;
+  const auto common =
+      static_cast<std::size_t>(std::ranges::max_element(log_posteriors) - log_posteriors.begin());
+  RoughSurfaces::Steps steps_mm;
+  for (const auto& [target, logs] : log_likelihoods) {
+    double best = logs[common] + numbers::fits_as_well;  // what a size of its own costs
+    steps_mm[target] = tried_mm[common];
+    for (std::size_t k = 0; k < logs.size(); ++k)
+      if (const double own = logs[k] - off(tried_mm[k], tried_mm[common]); own > best) {
+        best = own;
+        steps_mm[target] = tried_mm[k];
+      }
+  }
   return {places, tree, std::move(steps_mm)};
 }
 

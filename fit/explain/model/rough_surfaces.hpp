@@ -54,9 +54,10 @@ class RoughSurfaces {
   std::map<int, double> log_determinants_;  ///< By target.
 };
 
-/// Surfaces with which residuals of unit noise are the most likely, those of every target by themselves, by a
-/// prior around what a good board has, within three of its standard deviations. What is left over may be
-/// something else's, which differs little within one target: a line along each, in every group, says nothing.
+/// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,
+/// within three of its standard deviations; a target that is clearly unlike the others has a size of its own.
+/// What is left over may be something else's, which differs little within one target: a line along each, in
+/// every group, says nothing.
 [[nodiscard]] RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
                                                const Eigen::VectorXd& residual);
 

@@ -114,6 +114,21 @@ TEST_CASE("what goes through a slit at a room's corner is no echo lost") {
   CHECK(e.verdict == "nothing-missing");
 }
 
+TEST_CASE("through a pane of glass or an open door no echo is lost, and the bench file lacks it") {
+  const double behind_mm = GENERATE(0.0, 1500.0);
+  const Thing opening = [behind_mm](int stop, std::int64_t, double bearing_deg,
+                                    double wall_mm) -> std::optional<double> {
+    const bool is_open = behind_mm == 0 || (stop > 3 && stop < 9);
+    if (!is_open || bearing_deg < 70 || bearing_deg > 82) return {};
+    return behind_mm > 0 ? wall_mm + behind_mm : 0;
+  };
+  const SyntheticRecording recording = recorded(stops_all_round(12), 10, opening, 5);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  CHECK(notes(e, "Beams go through target 'north'"));
+}
+
 TEST_CASE("a board before a room's corner, where one wall is darker than the next, is no wide beam") {
   // Beams without any width: behind the board's edge lie 2 deg of a dark wall, then the corner.
   plain_bench::PlainScene scene{.walls = plain_bench::room, .step_deg = 0.25};

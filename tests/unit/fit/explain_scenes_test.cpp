@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/model/channel.hpp"
+#include "fit/explain/reduce.hpp"
 #include "plain_scenes.hpp"
 #include "tests/support/rounds.hpp"
 
@@ -138,6 +140,22 @@ TEST_CASE("bins of the flight time are found on slanted walls, where neighbours 
   CHECK(e.mechanisms.front().mechanism->id == "time-quantisation");
   CHECK(e.mechanisms.front().parameters.at("bin_mm").value == Approx(bin_mm).margin(0.001));
   CHECK_FALSE(e.unknown);
+}
+
+TEST_CASE("the light that round posts send back from their sides says nothing of the beam's width") {
+  const PlainScene scene = at_spacing({.walls = plain_bench::furnished, .posts = with_posts.posts}, 0.25);
+  SyntheticRecording recording =
+      plain_bench::recorded(scene, 24, [](double, double, double) { return Deviation{}; });
+  plain_bench::turn_round(recording, scene);
+  const auto reduced = fit::explain::reduce(recording, {});
+  const auto& kind = fit::explain::model::channel_kinds()[fit::explain::model::channel_of("footprint")];
+  const auto rows = kind.rows(reduced, {});
+  int of_posts = 0;
+  for (Eigen::Index i = 0; rows && i < rows->rows(); ++i) {
+    const int target = rows->at(i).target;
+    of_posts += target >= 0 && reduced.bench.target_at(target).round;
+  }
+  CHECK(of_posts == 0);
 }
 
 }  // namespace explain_scenes_test

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/openings.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "fit/explain/reduction/margins.hpp"
+
+namespace fit::explain::reduction {
+namespace {
+
+constexpr std::size_t fewest_through = 4;  // beams side by side
+constexpr std::size_t at_ends = 2;         // beams that meet it in part
+constexpr double other_beams_rad = 3 * rad_per_deg;
+constexpr double same_place = 0.5;  // share of what both cover
+
+bool goes_through(const Cell& cell) {
+  return cell.n > 0 ? cell.mean_mm > cell.nominal_mm + astray_mm : cell.lost > 0 && cell.stray == 0;
+}
+bool is_met(const Cell& cell) {
+  return cell.n > 0 && cell.lost == 0 && std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm;
+}
+
+bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
+
+/// Neighbours of one group that go through their target.
+struct Run {
+  int target = 0, capture = 0;
+  double from_mm = 0, to_mm = 0, beam_rad = 0;
+  double each_mm = 0;  ///< From one beam to the next.
+
+  /// At one place of the target, seen by other beams.
+  [[nodiscard]] bool is_same_place(const Run& other) const {
+    const double both = std::min(to_mm, other.to_mm) - std::max(from_mm, other.from_mm),
+                 either = std::max(to_mm, other.to_mm) - std::min(from_mm, other.from_mm);
+    return target == other.target && both > same_place * either &&
+           std::abs(beam_rad - other.beam_rad) > other_beams_rad;
+  }
+};
+
+void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs) {
+  const auto& cells = reduced.cells;
+  for (std::size_t first = group.first_cell, end = first; first < group.last_cell;
+       first = std::max(end, first + 1)) {
+    end = first;
+    while (end < group.last_cell && goes_through(cells[end]) &&
+           cells[end].at.target == cells[first].at.target)
+      ++end;
+    if (end - first < fewest_through) continue;
+    Run run{cells[first].at.target, group.capture, cells[first].at.along_mm, cells[end - 1].at.along_mm,
+            (cells[first].beam_rad + cells[end - 1].beam_rad) / 2};
+    if (run.from_mm > run.to_mm) std::swap(run.from_mm, run.to_mm);
+    run.each_mm = (run.to_mm - run.from_mm) / static_cast<double>(end - 1 - first);
+    // Before and behind beams that meet an end of it in part.
+    const auto beside = [&](std::size_t from, long step) -> const Cell* {
+      for (std::size_t k = 0, i = from; k <= at_ends && i >= group.first_cell && i < group.last_cell;
+           ++k, i = static_cast<std::size_t>(static_cast<long>(i) + step))
+        if (cells[i].at.target == run.target && (is_met(cells[i]) || is_hidden(cells[i]))) return &cells[i];
+      return nullptr;
+    };
+    const Cell* before = first > group.first_cell ? beside(first - 1, -1) : nullptr;
+    const Cell* behind = beside(end, 1);
+    if (before && behind && (is_met(*before) || is_met(*behind))) runs.push_back(run);
+  }
+}
+
+/// One more run, where another may have shown the same opening.
+void add_to(const Run& run, std::vector<Opening>& openings) {
+  for (Opening& one : openings) {
+    if (one.target != run.target || run.from_mm > one.to_mm || run.to_mm < one.from_mm) continue;
+    one.from_mm = std::min(one.from_mm, run.from_mm);
+    one.to_mm = std::max(one.to_mm, run.to_mm);
+    return;
+  }
+  openings.push_back({run.target, run.from_mm, run.to_mm, 0});
+}
+
+}  // namespace
+
+std::vector<Opening> leave_out_openings(Reduced& reduced) {
+  std::vector<Run> runs;
+  for (const Group& group : reduced.groups) add_runs(reduced, group, runs);
+  std::vector<Opening> openings;
+  double margin_mm = 0;
+  for (const Run& run : runs) {
+    if (std::ranges::none_of(runs, [&](const Run& other) { return run.is_same_place(other); })) continue;
+    add_to(run, openings);
+    margin_mm = std::max(margin_mm, static_cast<double>(at_ends) * run.each_mm);
+  }
+  // Where the field of view ends within it as well.
+  for (Opening& one : openings) {
+    std::set<int> captures;
+    for (Cell& cell : reduced.cells) {
+      if (cell.at.target != one.target || cell.at.along_mm < one.from_mm - margin_mm ||
+          cell.at.along_mm > one.to_mm + margin_mm || is_met(cell))
+        continue;
+      if (goes_through(cell)) captures.insert(reduced.group_of(cell).capture);
+      cell.lost = 0;
+      cell.smooth = cell.doubtful = false;
+    }
+    one.captures = static_cast<int>(captures.size());
+  }
+  return openings;
+}
+
+}  // namespace fit::explain::reduction
