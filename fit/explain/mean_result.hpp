@@ -2,6 +2,7 @@
 #pragma once
 
 #include "fit/explain/hypothesis.hpp"
+#include "fit/explain/inference/numbers.hpp"
 
 namespace fit::explain {
 
@@ -17,6 +18,13 @@ struct MeanResult {
   HeldOutFigures before, after;  ///< The log-likelihood is of all channels.
   /// Held-out captures lie farther off with what was found than without.
   [[nodiscard]] bool is_worse_held_out() const { return after.rms_mm > 1.1 * before.rms_mm; }
+  HeldOutFigures without_functions;  ///< Of names alone; as `before` where there is none.
+  /// What functions without a name would have to explain is more than lidars err by, in most of what was
+  /// seen.
+  [[nodiscard]] bool is_another_scene() const {
+    return without_functions.rms_mm > numbers::another_scene_mm &&
+           without_functions.coverage < numbers::describes_at;
+  }
   double noise_floor_mm = 0;
   double excess = 1;  ///< Factor on the variance of the means.
   MeanNoise noise;

@@ -18,6 +18,14 @@ std::string on_astray(const Reduced& reduced) {
          "here is believed.";
 }
 
+std::string on_another_scene(const MeanResult& means) {
+  return "Without functions that nobody stated, what is recorded lies " +
+         rounded(means.without_functions.rms_mm, 3) +
+         " mm (rms) off the bench file: more than a lidar errs by. Is it the bench file of this set-up? "
+         "Check "
+         "places, mount and the stage's zero; nothing is named before.";
+}
+
 std::string on_left_out(const Reduced& reduced) {
   return std::to_string(reduced.left_out) + " of " + std::to_string(reduced.cells.size()) +
          " cells were left out of the means: edges, grazing incidence, doubtful walls.";
@@ -64,6 +72,7 @@ void report_doubts(const Findings& findings, Explanation& out) {
   const MeanResult& means = findings.means;
   const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };
   if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
+  if (means.is_another_scene()) note(on_another_scene(means));
   if (reduced.left_out > 0) note(on_left_out(reduced));
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.is_worse_held_out()) note(on_worse_held_out(out));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 
@@ -58,6 +59,15 @@ Fitted without(const Session& session, const Hypothesis& h, const Kind& kind) {
   for (const Term& term : h.terms)
     if (!is_of_it(term)) less.terms.push_back(term);
   return fit(session, less);
+}
+
+/// Held-out figures of what has a name alone, where functions without one move means.
+HeldOutFigures without_functions(const Session& session, const Fitted& best, const HeldOutFigures& after) {
+  const auto is_function = [](const Term& term) { return term.kind->is_form() && term.kind->moves_means(); };
+  if (std::ranges::none_of(best.hypothesis.terms, is_function)) return after;
+  Hypothesis names;
+  std::ranges::remove_copy_if(best.hypothesis.terms, std::back_inserter(names.terms), is_function);
+  return hold_out(session, fit(session, names));
 }
 
 /// A channel's nuisances as a hypothesis has them.
@@ -128,6 +138,7 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   // In absolute figures the means alone are told, to which the gain of all channels is added.
   out.means.after.log_likelihood =
       out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
+  out.means.without_functions = without_functions(session, explored.best, out.means.after);
   const auto gain_of = [&](const Term& term) {
     const Fitted less = without(session, best, *term.kind);
     return Gain{all - hold_out(session, less).log_likelihood,

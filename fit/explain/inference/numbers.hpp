@@ -25,6 +25,7 @@ constexpr double goes_with = 0.97;      ///< Rank correlation of coordinates tha
 constexpr double fits_as_well = 3;      ///< Log-likelihood by which another name for it may fit worse.
 constexpr double function_error = 0.2;  ///< Share to which a function that nobody stated is its cause.
 constexpr double describes_at = 0.5;    ///< Share of held-out means that 95 % intervals hold.
+constexpr double another_scene_mm = 30;  ///< By which a lidar errs no more.
 constexpr std::size_t most_terms = 8;   ///< Of a hypothesis ...
 constexpr std::size_t exchanged_terms = 5;  ///< ... and of one whose terms are exchanged one by one.
 constexpr std::size_t tries = 6;            ///< Fitted of every ranking.

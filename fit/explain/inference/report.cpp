@@ -132,10 +132,11 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
 /// Whether what was found describes where most of the beams meet the scene.
 bool describes(const Inferred& inferred) {
   const HeldOutFigures& after = inferred.means.after;
-  return after.cells == 0 || after.coverage >= numbers::describes_at;
+  return after.cells == 0 || (after.coverage >= numbers::describes_at && !inferred.means.is_another_scene());
 }
 
 bool is_confirmed(const Inferred& inferred, std::size_t named) {
+  if (inferred.means.is_another_scene()) return false;
   const Gain& gain = inferred.gain[named];
   const bool captures_ask_for_it = gain.fitted > -numbers::contradicted_at;  // and not the bench file alone
   return (!captures_ask_for_it || gain.held_out > numbers::contradicted_at) &&
