@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/products.hpp"
+
 namespace fit::explain::inference {
 
 using Eigen::Index;
@@ -41,13 +43,13 @@ std::vector<Quadratic> Approximation::projected(const std::vector<Eigen::MatrixX
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (columns[c].cols() == 0) continue;
     const Index n = columns[c].cols() / terms;
-    const Eigen::MatrixXd with = around_->white[c].transpose() * columns[c];
+    const Eigen::MatrixXd with = transpose_product(around_->white[c], columns[c]);
     const Eigen::VectorXd along = columns[c].transpose() * around_->white_residual[c];
     const auto& index = fitted_->design.parts[c].index;
     for (Index t = 0; t < terms; ++t) {
       const auto white = columns[c].middleCols(t * n, n);
       Quadratic& q = list[static_cast<std::size_t>(t)];
-      q.square.topLeftCorner(n, n).noalias() += white.transpose() * white;
+      q.square.topLeftCorner(n, n) += square_of_columns(white);
       q.along.head(n) += along.segment(t * n, n);
       cross(index, Eigen::seqN(t * k, n)) += with.middleCols(t * n, n);
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit/explain/inference/numbers.hpp"
+#include "fit/products.hpp"
 
 namespace fit::explain::inference {
 namespace {
@@ -72,7 +73,7 @@ class Block {
       if (parts_[c].rows.empty()) continue;
       const auto& index = fitted.design.parts[c].index;
       score_(index) += parts_[c].white.transpose() * parts_[c].residual;
-      square_(index, index) += parts_[c].white.transpose() * parts_[c].white;
+      square_(index, index) += square_of_columns(parts_[c].white);
     }
     rest -= square_;
     hold_shapes(fitted.design, as_all_have_them, rest);

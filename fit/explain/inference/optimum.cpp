@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "fit/products.hpp"
+
 namespace fit::explain::inference {
 
 using Eigen::Index;
@@ -35,11 +37,7 @@ enum class For {
 /// Whitened columns with their squares.
 struct Squared {
   Eigen::MatrixXd white, square;
-  explicit Squared(Eigen::MatrixXd columns)
-      : white(std::move(columns)), square(Eigen::MatrixXd::Zero(white.cols(), white.cols())) {
-    square.selfadjointView<Eigen::Lower>().rankUpdate(white.transpose());
-    square.triangularView<Eigen::StrictlyUpper>() = square.transpose();
-  }
+  explicit Squared(Eigen::MatrixXd columns) : white(std::move(columns)), square(square_of_columns(white)) {}
 };
 /// By channel, of those whose information is the same anywhere.
 using Fixed = std::map<std::size_t, Squared>;
