@@ -115,6 +115,16 @@ std::string note_on(const std::vector<reduction::Opening>& openings, const Bench
          "something dark, which the bench file does not have: add it there, or close it and record again.";
 }
 
+std::string note_on(const std::map<int, int>& absent, const Bench& bench) {
+  std::vector<std::string> list;
+  for (const auto& [target, captures] : absent)
+    list.push_back("target '" + bench.target_at(target).name + "' in " + std::to_string(captures) +
+                   (captures == 1 ? " capture" : " captures"));
+  if (list.empty()) return {};
+  return "Beams find nothing, or what stands far behind, instead of " + listed(list) +
+         ": it was not there. What they met was left out. Put it back and record these again.";
+}
+
 std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures) {
   if (passers.empty()) return {};
   std::set<int> in;
@@ -155,8 +165,9 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
   reduction::steady_echoes(reduced_);
-  for (const std::string& note : {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
-                                  note_on_clusters(single_)})
+  for (const std::string& note :
+       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
+        note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench), note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

@@ -31,8 +31,9 @@ Mechanism make_target_moved() {
   };
   m.looks_like = {"mount-moved", "warm-up"};  // where there is no other
   m.says = [](const Finding& f) {
-    return "While the session was recorded, target '" + f.target + "' was moved along its normal by " +
-           with_uncertainty(f.at("offset_mm"), "mm") + " and turned by " +
+    return "From " + rounded(f.at("from_s").value) + " to " + rounded(f.at("to_s").value) +
+           " s after power-on target '" + f.target + "' stood elsewhere: along its normal by " +
+           with_uncertainty(f.at("offset_mm"), "mm") + ", turned by " +
            with_uncertainty(f.at("turn_deg"), "deg") + ". Fasten it, and record the session again.";
   };
   m.separate = "look at the first stop again: a target that was moved is elsewhere than it was";

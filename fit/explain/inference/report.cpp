@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <string>
 
 #include "fit/explain/explanation.hpp"
@@ -98,7 +99,9 @@ std::string name_of(const Undecided::Member& member) {
                                   : member.kind->mechanism->id;
 }
 
-void report_set(const Undecided& set, const Findings& findings, Explanation& out) {
+/// `functions`: those in sets before it.
+void report_set(const Undecided& set, const Findings& findings, std::set<const Kind*>& functions,
+                Explanation& out) {
   const std::vector<Undecided::Member>& members = set.members;
   std::vector<std::string> all;
   for (const auto& member : members)
@@ -112,7 +115,8 @@ void report_set(const Undecided& set, const Findings& findings, Explanation& out
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
-      if (member.kind->moves_means() && !member.kind->form->form->of_one_target_in_time)
+      if (member.kind->moves_means() && !member.kind->form->form->of_one_target_in_time &&
+          functions.insert(member.kind).second)
         out.unnamed_suspects.push_back(
             seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
     } else if (member.kind->mechanism->happened_once()) {
@@ -167,7 +171,8 @@ void report(const Inferred& inferred, const Findings& findings, Explanation& out
     const Named& named = posterior.named[i];
     if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i].held_out, findings, out);
   }
-  for (const Undecided& set : posterior.undecided) report_set(set, findings, out);
+  std::set<const Kind*> functions;
+  for (const Undecided& set : posterior.undecided) report_set(set, findings, functions, out);
   std::ranges::copy(inferred.notes, std::back_inserter(out.notes));
   for (const EmpiricalFunction& table : inferred.tables) add_empirical(out.bench, table);
   for (const auto& [channel, nuisances] : inferred.restated)

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
+#include <utility>
 
 #include "fit/explain/reduction/margins.hpp"
 
@@ -23,6 +25,11 @@ bool is_met(const Cell& cell) {
 }
 
 bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
+
+void leave_out(Cell& cell) {
+  cell.lost = 0;
+  cell.smooth = cell.doubtful = false;
+}
 
 /// Neighbours of one group that go through their target.
 struct Run {
@@ -96,12 +103,41 @@ std::vector<Opening> leave_out_openings(Reduced& reduced) {
           cell.at.along_mm > one.to_mm + margin_mm || is_met(cell))
         continue;
       if (goes_through(cell)) captures.insert(reduced.group_of(cell).capture);
-      cell.lost = 0;
-      cell.smooth = cell.doubtful = false;
+      leave_out(cell);
     }
     one.captures = static_cast<int>(captures.size());
   }
   return openings;
+}
+
+std::map<int, int> leave_out_absent_targets(Reduced& reduced) {
+  struct Beams {
+    std::size_t all = 0, met = 0, behind = 0;
+  };
+  const auto shift_mm = [&](int capture) {
+    return reduced.captures[static_cast<std::size_t>(capture)].target_shift_mm;
+  };
+  std::map<std::pair<int, double>, std::map<int, Beams>> seen;  // of every target and its place, by capture
+  for (const Cell& cell : reduced.cells) {
+    const int capture = reduced.group_of(cell).capture;
+    Beams& beams = seen[{cell.at.target, shift_mm(capture)}][capture];
+    ++beams.all;
+    beams.met += is_met(cell);
+    beams.behind += goes_through(cell);
+  }
+  std::set<std::pair<int, int>> absent;  // target and capture
+  for (const auto& [place, captures] : seen) {
+    if (std::ranges::none_of(captures, [](const auto& one) { return 2 * one.second.met > one.second.all; }))
+      continue;  // it is nowhere: the bench file's fault
+    for (const auto& [capture, beams] : captures)
+      if (beams.behind >= fewest_through && beams.behind + 2 * at_ends >= beams.all && beams.met == 0)
+        absent.insert({place.first, capture});
+  }
+  for (Cell& cell : reduced.cells)
+    if (absent.contains({cell.at.target, reduced.group_of(cell).capture})) leave_out(cell);
+  std::map<int, int> captures;
+  for (const auto& [target, capture] : absent) ++captures[target];
+  return captures;
 }
 
 }  // namespace fit::explain::reduction

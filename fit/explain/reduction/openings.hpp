@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "fit/explain/reduce.hpp"
@@ -19,5 +20,9 @@ struct Opening {
 /// turns, so that other beams look at it. It is no loss of weak echoes, and no light that falls on some
 /// beams.
 std::vector<Opening> leave_out_openings(Reduced& reduced);
+
+/// Takes out targets that some captures meet where, in so many others, beams find nothing at all of them, or
+/// what stands far behind: a board that was carried away.
+std::map<int, int> leave_out_absent_targets(Reduced& reduced);
 
 }  // namespace fit::explain::reduction

@@ -129,6 +129,27 @@ TEST_CASE("through a pane of glass or an open door no echo is lost, and the benc
   CHECK(notes(e, "Beams go through target 'north'"));
 }
 
+TEST_CASE("a board that was carried away for a while is missed, and nothing is named for it") {
+  plain_bench::PlainScene scene{
+      .walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};
+  scene.u_mm = scene.u_mount_mm = 0.01;
+  scene.u_deg = scene.u_yaw_deg = 0.001;
+  plain_bench::PlainScene without = scene;
+  without.walls.pop_back();
+  const auto nothing = [](double, double, double) { return plain_bench::Deviation{}; };
+  const SyntheticRecording full = plain_bench::recorded(scene, 6, nothing),
+                           bare = plain_bench::recorded(without, 6, nothing);
+  SyntheticRecording recording(
+      full.bench(), [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& counts) {
+        (capture.id > 4 && capture.id < 8 ? bare : full).maker()(capture, seq, range, counts);
+      });
+  plain_bench::turn_round(recording, scene);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  CHECK(notes(e, "it was not there"));
+}
+
 TEST_CASE("a board before a room's corner, where one wall is darker than the next, is no wide beam") {
   // Beams without any width: behind the board's edge lie 2 deg of a dark wall, then the corner.
   plain_bench::PlainScene scene{.walls = plain_bench::room, .step_deg = 0.25};
