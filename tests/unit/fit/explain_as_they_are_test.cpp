@@ -117,7 +117,7 @@ TEST_CASE("a worm of many teeth is found by stops that are far apart") {
   CHECK(!e.unknown);
 }
 
-TEST_CASE("noise that remembers much is nothing else besides") {
+TEST_CASE("noise that remembers much is nothing else besides", "[long]") {
   const Explanation e = explained({.rho = 0.8}, 60);
   INFO(to_text(e));
   REQUIRE(e.mechanisms.size() == 1);

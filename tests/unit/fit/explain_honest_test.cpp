@@ -151,7 +151,8 @@ TEST_CASE("noise that grows as an exponential of a weakening echo is that of wea
 }
 
 TEST_CASE(
-    "noise at some angles that never changes and loses no echo is told as light only beside another cause") {
+    "noise at some angles that never changes and loses no echo is told as light only beside another cause",
+    "[long]") {
   const auto noisy = [](double lost) {
     return [=](const Sample& sample, std::mt19937& random) {
       const double away = (sample.beam_rad / degree - 30) / 12;

@@ -116,7 +116,8 @@ TEST_CASE("noise that neighbouring beams share is no angle of whole scans: it is
   }
 }
 
-TEST_CASE("an angle that whole scans draw keeps its name beside noise that neighbours share", "[rounds]") {
+TEST_CASE("an angle that whole scans draw keeps its name beside noise that neighbours share",
+          "[rounds][long]") {
   for (const int beams_alike : some_of<int>({12, 1})) {
     const NoiseFindings found = found_in(
         {.beams_alike = beams_alike, .share = beams_alike > 1 ? 0.5 : 0, .jitter_deg = 0.1, .seed = 4});

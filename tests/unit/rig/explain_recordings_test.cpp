@@ -9,8 +9,8 @@
 
 namespace explain_recordings_test {
 
-TEST_CASE(
-    "three real recordings before a wall predict the fourth better than geometry and constant noise do") {
+TEST_CASE("three real recordings before a wall predict the fourth better than geometry and constant noise do",
+          "[long]") {
   const std::filesystem::path real =
       std::filesystem::path(RIG_SOURCE_DIR) / ".." / "shared" / "real" / "lds02-wall";
   if (!std::filesystem::exists(real)) {
