@@ -18,7 +18,7 @@ struct MeanResult {
   HeldOutFigures before, after;  ///< The log-likelihood is of all channels.
   /// Held-out captures lie farther off with what was found than without.
   [[nodiscard]] bool is_worse_held_out() const { return after.rms_mm > 1.1 * before.rms_mm; }
-  HeldOutFigures without_functions;  ///< Of names alone; as `before` where there is none.
+  HeldOutFigures without_functions;  ///< Of names alone; as `after` where no function is.
   /// What functions without a name would have to explain is more than lidars err by, in most of what was
   /// seen.
   [[nodiscard]] bool is_another_scene() const {

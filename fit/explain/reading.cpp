@@ -165,9 +165,9 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
   reduction::steady_echoes(reduced_);
-  for (const std::string& note :
-       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
-        note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench), note_on_clusters(single_)})
+  const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
+  for (const std::string& note : {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
+                                  note_on_absent, note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

@@ -22,8 +22,7 @@ std::string on_another_scene(const MeanResult& means) {
   return "Without functions that nobody stated, what is recorded lies " +
          rounded(means.without_functions.rms_mm, 3) +
          " mm (rms) off the bench file: more than a lidar errs by. Is it the bench file of this set-up? "
-         "Check "
-         "places, mount and the stage's zero; nothing is named before.";
+         "Check places, mount and the stage's zero; nothing is named before.";
 }
 
 std::string on_left_out(const Reduced& reduced) {

@@ -90,6 +90,14 @@ bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without
   return loses_little(other.hypothesis.log_fit, best.hypothesis.log_fit, without.hypothesis.log_fit);
 }
 
+/// Its terms but one.
+Hypothesis terms_without(const Hypothesis& h, const Kind* kind) {
+  Hypothesis less;
+  for (const Term& own : h.terms)
+    if (own.kind != kind) less.terms.push_back(own);
+  return less;
+}
+
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
 std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
@@ -101,9 +109,7 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   };
   std::vector<Member> rivals;
   if (std::ranges::none_of(catalogue(), may_be)) return rivals;
-  Hypothesis less;
-  for (const Term& own : best.hypothesis.terms)
-    if (own.kind != term.kind) less.terms.push_back(own);
+  const Hypothesis less = terms_without(best.hypothesis, term.kind);
   const Fitted without = fit(session, less);
   for (const Candidate& candidate : screen(session, without, term.kind)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
@@ -251,11 +257,8 @@ class LeftByFunctions {
     double may_gain = 0;
     for (std::size_t c = 0; c < costs_.size(); ++c)
       if (named.term.kind->acts_in[c]) may_gain += costs_[c];
-    Hypothesis less;
-    for (const Term& own : best_.hypothesis.terms)
-      if (own.kind != named.term.kind) less.terms.push_back(own);
-    const double log_odds =
-        best_.hypothesis.log_posterior() - fit(session_, less).hypothesis.log_posterior() - may_gain;
+    const Fitted without = fit(session_, terms_without(best_.hypothesis, named.term.kind));
+    const double log_odds = best_.hypothesis.log_posterior() - without.hypothesis.log_posterior() - may_gain;
     const double probability = 1 / (1 + std::exp(-std::max(0.0, log_odds)));
     if (probability >= numbers::named_at) return {};
     return {{first_->kind, named.probability * (1 - probability) / probability, *first_}};
