@@ -140,10 +140,12 @@ struct Parameter {
     width,       ///< The extent of what is local. Where less than the least was recorded, it is not local.
     decay,       ///< Over which the effect fades by 1/e. At its bounds it is no fading any more.
     wavelength,  ///< Of a sine. Where only regular places were recorded, several look alike.
-    gear,   ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
-    bin,    ///< To multiples of which the coordinate is rounded. No two that differ by much look alike. The
-            ///< next parameter is how many of them are added before, 0 to 1.
-    count,  ///< A whole number: there is nothing between its starts.
+    gear,    ///< Of a sine that gears make, in degrees of a turn: a short one is a turn by a whole number.
+    bin,     ///< To multiples of which the coordinate is rounded. No two that differ by much look alike. The
+             ///< next parameter is how many of them are added before, 0 to 1.
+    count,   ///< A whole number: there is nothing between its starts.
+    choice,  ///< One of two, 0 or 1, beside shapes that have something between theirs. The usual one is 0,
+             ///< which it is where a recording does not tell.
     threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded
                 ///< places.
     from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.
@@ -223,6 +225,9 @@ struct Mechanism {
   bool geometric = false;  ///< Works through angles or places, not through the measured distance itself.
   /// Values in the order of `parameters`.
   std::function<Effect(const Circumstances&, std::span<const double> values)> act;
+  /// Of what is local and may move along its coordinate: how far away its middle is, in the coordinate's file
+  /// unit. Empty: as far as the place of its middle says.
+  std::function<double(const Circumstances&, std::span<const double> values)> away;
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;

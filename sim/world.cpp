@@ -296,6 +296,7 @@ void read_surroundings(Section& top, World& w) {
       one.number("centre_deg", sun.centre_rad, deg);
       one.positive("width_deg", sun.width_rad, deg);
       one.number("noise", sun.noise, 1, 0, 1);
+      one.number("in_room", sun.in_room, 1, 0, 1);
       one.number("from_s", sun.from_s);
       one.number("to_s", sun.to_s);
       w.light.suns.push_back(sun);

@@ -153,6 +153,7 @@ struct World {
       double centre_rad = 0, width_rad = 0.2;  ///< Beam angles.
       double noise = 0;                        ///< At the comparator.
       double from_s = 0, to_s = 1e12;
+      double in_room = 0;  ///< By how much of the stage's turn it moves through the beams.
     };
     std::vector<Sun> suns;
     double lamp = 0, lamp_hz = 100;  ///< Flicker at the comparator.

@@ -95,11 +95,13 @@ class Means final : public model::NormalRows {
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     return whitened(model_.raw_residual() - eta, {});
   }
-  [[nodiscard]] std::string note() const {
+  /// `eta`: all that is known.
+  [[nodiscard]] std::string note(const Eigen::VectorXd& eta) const {
     if (!rough_) return {};
+    const std::map<int, double> odd = surfaces_beside(eta).odd;
     std::string list;
     for (const auto& [target, step_mm] : rough_->steps_mm())
-      if (step_mm >= numbers::rough_within * numbers::rough_mm)
+      if (step_mm >= numbers::rough_within * numbers::rough_mm && !odd.contains(target))
         list += (list.empty() ? "'" : ", '") + own_.bench.target_at(target).name + "' " +
                 rounded(step_mm, 2) + " mm";
     if (list.empty()) return {};
@@ -107,8 +109,28 @@ class Means final : public model::NormalRows {
            " (standard deviation). What is smaller on one target is told from its shape only where others "
            "show it as well.";
   }
+  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd& eta) const {
+    std::vector<Unexplained> list;
+    if (!rough_) return list;
+    const model::LikeliestSurfaces beside = surfaces_beside(eta);
+    for (const auto& [target, gain] : beside.odd) {
+      Unexplained u;
+      u.coordinate = Coordinate::target;
+      u.describes = "target '" + own_.bench.target_at(target).name +
+                    "' is rougher than it should be: places a metre apart differ by " +
+                    rounded(beside.surfaces.steps_mm().at(target), 2) + " mm (standard deviation)";
+      u.gain = gain;
+      u.from = u.to = target;
+      list.push_back(std::move(u));
+    }
+    return list;
+  }
 
  private:
+  /// What is left of surfaces where formulas may deviate, too.
+  [[nodiscard]] model::LikeliestSurfaces surfaces_beside(const Eigen::VectorXd& eta) const {
+    return model::likeliest_surfaces(places_of(model_), model_.whitened(model_.raw_residual() - eta));
+  }
   /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
   /// at once. Where they are too many for that, they go first, and nothing is said of places.
   void add_rough_surfaces() {
@@ -122,7 +144,7 @@ class Means final : public model::NormalRows {
   }
   void divide_out_places(Eigen::VectorXd& variances, Eigen::MatrixXd& shared) {
     const auto places = places_of(model_);
-    rough_ = model::likeliest_surfaces(places, model_.whitened(model_.raw_residual()));
+    rough_ = surfaces_beside(Eigen::VectorXd::Zero(rows())).surfaces;
     for (Index i = 0; i < rows(); ++i)
       variances[i] += rough_->variance_mm2(places[static_cast<std::size_t>(i)].target) *
                       std::pow(places[static_cast<std::size_t>(i)].slope, 2);
@@ -152,8 +174,11 @@ model::ChannelKind make_mean() {
     if (reduced.smooth_cells() == 0) return nullptr;
     return std::make_unique<Means>(reduced, noise);
   };
-  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd&) {
-    return static_cast<const Means&>(rows).note();
+  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd& after) {
+    return static_cast<const Means&>(rows).note(after);
+  };
+  kind.strained = [](const model::ChannelRows& rows, const Eigen::VectorXd& eta) {
+    return static_cast<const Means&>(rows).strained(eta);
   };
   return kind;
 }

@@ -17,17 +17,16 @@ namespace {
 using Eigen::Index;
 using model::ScanPart;
 
-/// Standard deviations of what all beams of a scan have in common by chance: a range, and an angle of the
-/// stage.
-struct Common {
-  double range_mm = 0, angle_rad = 0;
+/// By how much ranges and angles of whole scans scatter.
+struct Scatter {
+  model::ScatterOfScans of_range, of_angle;
 };
 
 /// What scans have in common, against the mean of their capture: normal around what changes from scan to
 /// scan.
 class Scans final : public model::NormalRows {
  public:
-  Scans(std::vector<ScanPart> parts, const Common& common, std::optional<double> wave_hz)
+  Scans(std::vector<ScanPart> parts, const Scatter& scatter, std::optional<double> wave_hz)
       : parts_(std::move(parts)) {
     nuisances().columns.resize(rows(), 0);
     if (wave_hz) expect_wave(*wave_hz);
@@ -37,8 +36,14 @@ class Scans final : public model::NormalRows {
       means_.weight[i] = 1 / std::sqrt(part(i).variance_mm2);
       blocks[part(i).block].push_back(i);
     }
-    for (auto& [block, list] : blocks) means_.blocks.push_back(std::move(list));
-    if (common.range_mm > 0 || common.angle_rad > 0) share_errors(common);
+    for (auto& [block, list] : blocks) {
+      const auto& of = part(list.front()).of_angle ? scatter.of_angle : scatter.of_range;
+      means_.noise.emplace_back(of.rho, of.share);
+      means_.blocks.push_back(std::move(list));
+    }
+    const double range_mm = std::sqrt(scatter.of_range.beside_samples()),
+                 angle_rad = std::sqrt(scatter.of_angle.beside_samples());
+    if (range_mm > 0 || angle_rad > 0) share_errors(range_mm, angle_rad);
   }
 
   [[nodiscard]] Index rows() const override { return static_cast<Index>(parts_.size()); }
@@ -77,15 +82,15 @@ class Scans final : public model::NormalRows {
                    {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, numbers::form_mm)}};
   }
   /// All parts of a scan, one after the other, share them.
-  void share_errors(const Common& common) {
+  void share_errors(double range_mm, double angle_rad) {
     for (Index first = 0, last = 0; first < rows(); first = last) {
       while (last < rows() && part(last).group == part(first).group &&
              part(last).in_capture == part(first).in_capture)
         ++last;
       Eigen::MatrixXd z(last - first, 2);
       for (Index i = first; i < last; ++i)
-        z.row(i - first) = means_.weight[i] * Eigen::RowVector2d(part(i).of_angle ? 0 : common.range_mm,
-                                                                 part(i).lever_mm * common.angle_rad);
+        z.row(i - first) = means_.weight[i] *
+                           Eigen::RowVector2d(part(i).of_angle ? 0 : range_mm, part(i).lever_mm * angle_rad);
       shared_.emplace_back(first, std::move(z));
     }
   }
@@ -95,16 +100,6 @@ class Scans final : public model::NormalRows {
   model::BlockMeans means_;
   std::vector<model::SharedErrors> shared_;  ///< Of every scan.
 };
-
-/// What makes whole scans scatter so much more than their samples.
-Common common_of(const std::vector<ScanPart>& whole) {
-  Common common;
-  for (const bool of_angle : {false, true}) {
-    const double more = model::scatter_of_scans(whole, of_angle).for_patterns();
-    (of_angle ? common.angle_rad : common.range_mm) = std::sqrt(std::max(0.0, more));
-  }
-  return common;
-}
 
 }  // namespace
 
@@ -126,7 +121,10 @@ model::ChannelKind make_scan() {
     int parts = 1;  // Of a scan, as many as computing time allows.
     while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows)
       parts *= 2;
-    return std::make_unique<Scans>(parts == 1 ? whole : in_parts(parts), common_of(whole), reduced.wave_hz);
+    return std::make_unique<Scans>(
+        parts == 1 ? whole : in_parts(parts),
+        Scatter{model::scatter_of_scans(whole, false), model::scatter_of_scans(whole, true)},
+        reduced.wave_hz);
   };
   return kind;
 }

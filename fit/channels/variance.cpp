@@ -17,7 +17,8 @@ using model::IndependentRows;
 /// independent causes add.
 class Variances final : public model::GammaRows {
  public:
-  Variances(std::vector<Row> rows, const Bench& bench) : GammaRows(std::move(rows), rounding_mm2 / 2) {
+  Variances(std::vector<Row> rows, const model::NoiseOfBeams& own, const Bench& bench)
+      : GammaRows(std::move(rows), rounding_mm2 / 2), own_(own) {
     constexpr double best_known = 0.02;  // no noise is constant to better than that share
     const Estimate stated = stated_noise(bench);
     Columns base;
@@ -33,11 +34,24 @@ class Variances final : public model::GammaRows {
            of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
   [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
+  [[nodiscard]] std::string note() const {
+    if (own_.variance == 0) return {};
+    return "Every beam has noise of its own: its variance differs from that of its neighbours by " +
+           rounded(100 * std::sqrt(own_.variance), 2) +
+           " % (standard deviation), in all captures alike. More noise of some beams counts as something "
+           "else "
+           "only beyond that.";
+  }
+
+ private:
+  model::NoiseOfBeams own_;
 };
 
-std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const MeanNoise& noise) {
+std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const MeanNoise& noise,
+                                                const model::NoiseOfBeams& own) {
   constexpr int beams = 8;
   constexpr double least_share = 0.05;
+  const double worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
   double kurtosis = 0, freedom = 0;
   std::map<int, double> shares;  // of the variance that the sample variance of so many shows
   const auto share_of = [&](int n) {
@@ -51,7 +65,7 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
   auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, IndependentRows::Row& row) {
     const Cell& cell = reduced.cells[i];
     if (!cell.smooth || cell.n < 3) return false;
-    const double f = cell.n - 1;
+    const double f = own.left_of((cell.n - 1) * worth);
     row.y = (row.y * row.n + f * cell.variance_mm2 / share_of(cell.n)) / (row.n + f);
     const double expected =
         cell.of_scans_mm2 + cell.of_joining_mm2() + steps.variance_mm2(steps.place_of(cell.nominal_mm));
@@ -63,9 +77,9 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
   });
   // Samples with tails say less of their variance, and so do those that remember or share their noise.
   const double of_tails = freedom > 0 ? (kurtosis / freedom - 1) / 2 : 1,
-               scatter = std::max({1.0, of_tails, model::inflation_of_squares(reduced)}),
-               worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
-  for (auto& row : rows) row.n *= worth / scatter;
+               of_squares = own.variance > 0 ? 1 : model::inflation_of_squares(reduced),
+               scatter = std::max({1.0, of_tails, of_squares});
+  for (auto& row : rows) row.n /= scatter;
   return rows;
 }
 
@@ -79,9 +93,13 @@ model::ChannelKind make_variance() {
   kind.unit = "mm";
   kind.is_square = true;
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
-    auto rows = variance_rows(reduced, noise);
+    const model::NoiseOfBeams own = model::noise_of_beams(reduced);
+    auto rows = variance_rows(reduced, noise, own);
     if (rows.size() < 3) return nullptr;
-    return std::make_unique<Variances>(std::move(rows), reduced.bench);
+    return std::make_unique<Variances>(std::move(rows), own, reduced.bench);
+  };
+  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd&) {
+    return static_cast<const Variances&>(rows).note();
   };
   return kind;
 }

@@ -92,16 +92,43 @@ std::string note_on(const Misplaced& misplaced, const Reduced& reduced) {
                            : ". They were left out; correct them, or record them again.");
 }
 
-std::string note_on_dead_beams(const reduction::Sectors& dead) {
-  if (dead.empty()) return {};
+std::string beams_at(const reduction::Sectors& list) {
   std::vector<std::string> sectors;
-  for (const auto& [from, to] : dead)
+  for (const auto& [from, to] : list)
     sectors.push_back(from == to ? rounded(from * deg_per_rad, 5) + " deg"
                                  : "from " + rounded(from * deg_per_rad, 5) + " to " +
                                        rounded(to * deg_per_rad, 5) + " deg");
-  return "Beams at " + listed(sectors) +
+  return "Beams at " + listed(sectors);
+}
+
+std::string note_on_dead_beams(const reduction::Sectors& dead) {
+  if (dead.empty()) return {};
+  return beams_at(dead) +
          " return nothing in any capture, while those beside them see the same surface. They were left out: "
          "they are dead, or something stands before the window.";
+}
+
+std::string note_on_odd_beams(const reduction::Sectors& odd) {
+  if (odd.empty()) return {};
+  return beams_at(odd) +
+         " read far otherwise than those beside them on the same surface, capture after capture. They were "
+         "left out.";
+}
+
+std::string note_on_scans(const Reduced& reduced) {
+  std::string text;
+  const double scans = std::max(1, reduced.scans);
+  const auto percent = [&](int count) { return rounded(100 * count / scans, 2) + " %"; };
+  if (reduced.repeated > 0)
+    text = "Scans came more than once, the same to the last millimetre: " + std::to_string(reduced.repeated) +
+           " beside " + std::to_string(reduced.scans) + ". Each counts once. ";
+  if (reduced.broken > 0)
+    text +=
+        percent(reduced.broken) +
+        " of the scans break off or set in late: nothing came back there at once, where others have echoes. "
+        "These parts were left out. ";
+  if (!text.empty()) text += "Look at the driver, the network and the load of the computer.";
+  return text;
 }
 
 std::string note_on(const std::vector<reduction::Opening>& openings, const Bench& bench) {
@@ -155,7 +182,7 @@ std::vector<Passer> Reading::read(const Progress& progress) {
 Reading::Reading(const std::vector<const Recording*>& recordings, const Progress& progress)
     : single_(single_beams(recordings)), kept_(without({}, single_)) {
   std::vector<Passer> passers = read(progress);
-  const Misplaced misplaced = reduction::misplaced_captures(reduced_);
+  const Misplaced misplaced = reduction::misplaced_captures(reduced_, together_->recordings());
   const std::string note_on_places = note_on(misplaced, reduced_);
   if (!misplaced.empty()) {
     kept_ = without(misplaced, single_);
@@ -163,11 +190,13 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   }
   const std::string note_on_things = note_on(passers, reduced_.captures);
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
+  const reduction::Sectors odd = reduction::leave_out_odd_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
   reduction::steady_echoes(reduced_);
   const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
-  for (const std::string& note : {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_openings,
-                                  note_on_absent, note_on_clusters(single_)})
+  for (const std::string& note :
+       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_odd_beams(odd), note_on_openings,
+        note_on_absent, note_on_scans(reduced_), note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "fit/empirical.hpp"
+#include "fit/explain/reduction/broken_scans.hpp"
 #include "fit/explain/reduction/passers.hpp"
 #include "fit/explain/reduction/placing.hpp"
 #include "fit/explain/reduction/samples.hpp"
@@ -53,7 +54,12 @@ class Reducer {
     const int most_scans = is_turning(info) ? 1 : scans_per_group;
     Samples columns;  // of the capture, without scans
     Samples block;
+    again_.next_capture();
     recording_.for_each_scan(index, [&](const ScanView& scan) {
+      if (again_.is_again(scan)) {
+        ++out_.repeated;
+        return;
+      }
       if (columns.beam_rad.empty()) columns = columns_for(scan, info, out_.bench.lidar);
       if (block.scans == 0) block = columns;
       if (!block.add(scan, info, turns_)) return;
@@ -67,6 +73,8 @@ class Reducer {
  private:
   void reduce_block(Samples& block, std::size_t capture) {
     Group group = group_of(block, capture);
+    out_.scans += block.scans;
+    out_.broken += do_not_look_beyond_breaks(block);
     const Scene scene = out_.scene_of(group, as_stated_);
     bring_to_middle(block, scene, group.stage_rad);
     if (const auto hidden = standing_.hidden.find(group.capture); hidden != standing_.hidden.end())
@@ -131,6 +139,7 @@ class Reducer {
   Nuisance as_stated_;
   bool keep_samples_;
   TurnCounter turns_;
+  RepeatedScans again_;
 };
 
 /// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,

@@ -60,6 +60,11 @@ struct Cell {
     const double off = joined_rad * (sight.beam_lever() - joined_lever_mm);
     return off * off;
   }
+  /// What it says counts for nothing.
+  void leave_out() {
+    lost = stray = far = late = early = 0;
+    smooth = doubtful = false;
+  }
 };
 
 /// Distances from a target, mm: of samples too far for noise of that spread, and of those close enough to be
@@ -161,6 +166,8 @@ struct Reduced {
   int left_out = 0;               ///< Cells that no mean is taken of.
   int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.
+  int scans = 0;                  ///< That were read; besides, those that came again, ...
+  int repeated = 0, broken = 0;   ///< ... and of them, those of which a part is missing.
 
   [[nodiscard]] std::size_t smooth_cells() const;
   /// Of one sample, the groups' median.

@@ -172,7 +172,8 @@ class CausalEngine : public Engine {
     double variance = r.noise * r.noise + r.photon_noise * r.photon_noise * r.threshold;
     for (const World::Light::Sun& sun : world_.light.suns) {
       if (time < sun.from_s || time > sun.to_s) continue;
-      const double x = (angle - sun.centre_rad) / sun.width_rad;
+      const double seen_at = angle + sun.in_room * table_.front();
+      const double x = fit::wrap_angle(seen_at - sun.centre_rad) / sun.width_rad;
       const double noise = sun.noise * std::exp(-x * x);
       variance += noise * noise;
     }

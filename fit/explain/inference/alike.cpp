@@ -90,18 +90,35 @@ bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without
   return loses_little(other.hypothesis.log_fit, best.hypothesis.log_fit, without.hypothesis.log_fit);
 }
 
-/// Its terms but one.
-Hypothesis terms_without(const Hypothesis& h, const Kind* kind) {
-  Hypothesis less;
-  for (const Term& own : h.terms)
-    if (own.kind != kind) less.terms.push_back(own);
-  return less;
-}
+/// The best hypothesis without some of its terms, each fitted once.
+class Without {
+ public:
+  Without(const Session& session, const Fitted& best) : session_(session), best_(best) {}
+  /// As the best one has them; of none: without all functions.
+  [[nodiscard]] Hypothesis terms(const Kind* kind) const {
+    Hypothesis less;
+    std::ranges::remove_copy_if(
+        best_.hypothesis.terms, std::back_inserter(less.terms),
+        [&](const Term& term) { return kind ? term.kind == kind : term.kind->is_form(); });
+    return less;
+  }
+  [[nodiscard]] const Fitted& operator()(const Kind* kind) {
+    const auto known = known_.find(kind);
+    return known != known_.end() ? known->second
+                                 : known_.emplace(kind, fit(session_, terms(kind))).first->second;
+  }
+
+ private:
+  const Session& session_;
+  const Fitted& best_;
+  std::map<const Kind*, Fitted> known_;
+};
 
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
-std::vector<Member> rivals_of(const Session& session, const Fitted& best, const Term& term,
-                              double probability, const std::vector<const Mechanism*>& mechanisms) {
+std::vector<Member> rivals_of(const Session& session, const Fitted& best, Without& without_each,
+                              const Term& term, double probability,
+                              const std::vector<const Mechanism*>& mechanisms) {
   std::vector<MayBe> of_each;
   for (const Mechanism* m : mechanisms) of_each.emplace_back(session, *m);
   const auto may_be = [&](const Mechanism& m) {
@@ -109,13 +126,12 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, const 
   };
   std::vector<Member> rivals;
   if (std::ranges::none_of(catalogue(), may_be)) return rivals;
-  const Hypothesis less = terms_without(best.hypothesis, term.kind);
-  const Fitted without = fit(session, less);
+  const Fitted& without = without_each(term.kind);
   for (const Candidate& candidate : screen(session, without, term.kind)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
         !may_be(*candidate.term.kind->mechanism))
       continue;
-    Hypothesis other = less;
+    Hypothesis other = without_each.terms(term.kind);
     other.terms.push_back(candidate.term);
     const Fitted fitted = fit(session, other);
     if (!fits_as_well(fitted, best, without, *term.kind->mechanism)) continue;
@@ -232,43 +248,67 @@ std::vector<Member> functions_instead(const Session& session, const Fitted& best
   return {};
 }
 
-/// A function that nobody stated is its cause to within a share of it. What that leaves of the cause may look
-/// like a mechanism, which gains at most as much as it costs (docs/method/model.md, 7).
-class LeftByFunctions {
+/// What the other terms leave of their causes may look like a mechanism, which gains at most as much as that
+/// costs (docs/method/model.md, 7). A function that nobody stated is its cause to within a share of it. So is
+/// a formula; where its smooth deviations are in the model, they leave the same share of what it errs by.
+class LeftByOthers {
  public:
-  LeftByFunctions(const Session& session, const Fitted& best) : session_(session), best_(best) {
-    Hypothesis mechanisms;
-    for (const Term& term : best.hypothesis.terms) {
-      if (!term.kind->is_form())
-        mechanisms.terms.push_back(term);
-      else if (!first_)
-        first_ = &term;
+  LeftByOthers(const Fitted& best, Without& without) : best_(best), without_(without) {
+    const auto is_form = [](const Term& term) { return term.kind->is_form(); };
+    const auto first = std::ranges::find_if(best.hypothesis.terms, is_form);
+    if (first != best.hypothesis.terms.end()) add(*first, numbers::function_error, without(nullptr));
+    if (best.hypothesis.terms.size() < 2) return;
+    for (std::size_t t = 0; t < best.hypothesis.terms.size(); ++t) {
+      const Term& term = best.hypothesis.terms[t];
+      if (const double share = share_left(best, t); !is_form(term) && share > 0)
+        add(term, share, without(term.kind));
     }
-    if (!first_) return;
-    const Fitted without = fit(session, mechanisms);
-    for (std::size_t c = 0; c < best.optimum.of_channel.size(); ++c)
-      costs_.push_back(std::pow(numbers::function_error, 2) *
-                       std::max(0.0, best.optimum.of_channel[c] - without.optimum.of_channel[c]));
   }
 
-  /// A function instead of what is named, where it may be no more than that.
+  /// What there is instead of what is named, where it may be no more than that: a function, or nothing.
   [[nodiscard]] std::vector<Member> instead_of(const Named& named) const {
-    if (!first_ || !best_.hypothesis.has(*named.term.kind)) return {};
-    double may_gain = 0;
-    for (std::size_t c = 0; c < costs_.size(); ++c)
-      if (named.term.kind->acts_in[c]) may_gain += costs_[c];
-    const Fitted without = fit(session_, terms_without(best_.hypothesis, named.term.kind));
-    const double log_odds = best_.hypothesis.log_posterior() - without.hypothesis.log_posterior() - may_gain;
+    if (!best_.hypothesis.has(*named.term.kind)) return {};
+    double may_gain = 0, of_functions = 0;
+    const Term* function = nullptr;
+    for (const Other& other : others_) {
+      if (other.term->kind->mechanism == named.term.kind->mechanism) continue;
+      double gain = 0;
+      for (std::size_t c = 0; c < other.costs.size(); ++c)
+        if (named.term.kind->acts_in[c]) gain += other.costs[c];
+      may_gain += gain;
+      if (!other.term->kind->is_form()) continue;
+      function = other.term;
+      of_functions = gain;
+    }
+    if (may_gain == 0) return {};
+    const double log_odds =
+        best_.hypothesis.log_posterior() - without_(named.term.kind).hypothesis.log_posterior() - may_gain;
     const double probability = 1 / (1 + std::exp(-std::max(0.0, log_odds)));
     if (probability >= numbers::named_at) return {};
-    return {{first_->kind, named.probability * (1 - probability) / probability, *first_}};
+    Member instead{nullptr, named.probability * (1 - probability) / probability, {}};
+    if (of_functions > may_gain / 2) {
+      instead.kind = function->kind;
+      instead.term = *function;
+    }
+    return {instead};
   }
 
  private:
-  const Session& session_;
+  struct Other {
+    const Term* term;
+    std::vector<double> costs;  ///< By channel.
+  };
+  void add(const Term& term, double share, const Fitted& without) {
+    Other other{&term, {}};
+    for (std::size_t c = 0; c < best_.optimum.of_channel.size(); ++c)
+      other.costs.push_back(share * share *
+                            std::max(0.0, best_.optimum.of_channel[c] - without.optimum.of_channel[c]));
+    others_.push_back(std::move(other));
+  }
+
   const Fitted& best_;
-  const Term* first_ = nullptr;  ///< Of the functions.
-  std::vector<double> costs_;    ///< By channel.
+  Without& without_;
+  std::vector<Other> others_;
 };
 
 std::vector<std::string> names_of_bench_file(const Term& term) {
@@ -285,8 +325,9 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
   };
   const double before = held();
   for (const Member& rival : rivals)
-    if (std::ranges::none_of(set.members,
-                             [&](const Member& m) { return m.kind && m.kind->is_same_cause(*rival.kind); }))
+    if (std::ranges::none_of(set.members, [&](const Member& m) {
+          return m.kind && rival.kind ? m.kind->is_same_cause(*rival.kind) : m.kind == rival.kind;
+        }))
       set.members.push_back(rival);
   const double share = before / held();
   for (Member& member : set.members) member.probability *= share;
@@ -294,12 +335,20 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 
 }  // namespace
 
+double share_left(const Fitted& best, std::size_t term) {
+  const Kind& kind = *best.hypothesis.terms[term].kind;
+  if (kind.is_form()) return numbers::function_error;
+  const double error = kind.mechanism->formula_error;
+  return best.design.blocks[term].deviations > 0 ? error * error : error;
+}
+
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
-  const LeftByFunctions left(session, best);
+  Without without(session, best);
+  const LeftByOthers left(best, without);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     std::vector<Member> rivals =
-        rivals_of(session, best, named.term, named.probability, {named.term.kind->mechanism.get()});
+        rivals_of(session, best, without, named.term, named.probability, {named.term.kind->mechanism.get()});
     std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
     std::ranges::copy(left.instead_of(named), std::back_inserter(rivals));
     const std::vector<std::string> also = names_of_bench_file(named.term);
@@ -319,7 +368,7 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
     for (const Member& member : std::vector(set.members)) {
       if (!member.kind) continue;
       if (best.hypothesis.has(*member.kind))
-        join(rivals_of(session, best, member.term, member.probability, mechanisms), set);
+        join(rivals_of(session, best, without, member.term, member.probability, mechanisms), set);
       if (member.kind->is_form()) continue;
       for (const std::string& name : names_of_bench_file(member.term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);

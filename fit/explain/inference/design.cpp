@@ -67,8 +67,15 @@ void add_term(const Session& session, const Term& term, Design& design) {
   block.first = design.mean.size();
   add_coefficients(design, prior_of(kind, term.factor));
   block.sizes = design.mean.size() - block.first;
-  for (Index k = 0; k < block.sizes; ++k)
-    if (kind.coefficients[static_cast<std::size_t>(k)].sign > 0) design.lower[block.first + k] = 0;
+  for (Index k = 0; k < block.sizes; ++k) {
+    const model::Coefficient& c = kind.coefficients[static_cast<std::size_t>(k)];
+    const Index at = block.first + k;
+    if (std::isfinite(c.largest) && !c.has_phase) {
+      design.upper[at] = c.largest / design.sigma[at];
+      design.lower[at] = -design.upper[at];
+    }
+    if (c.sign > 0) design.lower[at] = 0;
+  }
   std::vector<Eigen::MatrixXd> shapes(session.channels().size()), deviations(session.channels().size());
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     if (!kind.acts_in[c]) continue;

@@ -115,6 +115,16 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   return u;
 }
 
+/// Log-likelihood that may be gained by something that is only what named mechanisms leave of their causes.
+double left_by_named(const Fitted& best, const Inferred& inferred) {
+  double sum = 0;
+  for (std::size_t i = 0; i < inferred.gain.size(); ++i)
+    for (std::size_t t = 0; t < best.hypothesis.terms.size(); ++t)
+      if (best.hypothesis.terms[t].kind == inferred.posterior.named[i].term.kind)
+        sum += std::pow(share_left(best, t), 2) * std::max(0.0, inferred.gain[i].fitted);
+  return sum;
+}
+
 /// What the bench file and its tables can say of channels beside the means.
 void restate(const Session& session, const Fitted& nothing, const Fitted& best, Inferred& out) {
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
@@ -124,6 +134,9 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
     if (channel.note)
       if (std::string note = channel.note(*rows, nothing.optimum.eta[c], best.optimum.eta[c]); !note.empty())
         out.notes.push_back(std::move(note));
+    if (channel.strained)
+      std::ranges::copy_if(channel.strained(*rows, best.optimum.eta[c]), std::back_inserter(out.beside),
+                           [&](const Unexplained& u) { return u.gain > left_by_named(best, out); });
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
   out.tables = tables_of(session, best, out.posterior);
@@ -177,16 +190,25 @@ void refuse_nothing_that_fits(const Reduced& reduced) {
 
 /// Where most beams agree that mount and targets are, if not all the time, then with the one thing more that
 /// explains the most: what was moved meanwhile leaves most beams off, and others meet what nobody expects.
+/// That is looked for from where the bench file has them, and from where all beams together do: what moves
+/// many beams by little is clear only there.
 Placed place(Reduced& reduced, const MeanNoise& noise, const Progress& progress) {
   Placed placed = fit_placements(reduced, noise);
   refuse_nothing_that_fits(reduced);
   if (placed.fits_most) return placed;
   MeanNoise wider = noise;
   wider.factor *= placed.excess;
-  Session session(reduced, wider, placed.there);
   std::vector<explain::Term> moved;
-  for (const Term& term : best_of_one(session, progress).terms)
-    if (term.kind->moves_means() && !term.kind->is_form()) moved.push_back(as_term(term));
+  double most = -1e300;
+  for (const Nuisance& there : {placed.by_all, placed.there}) {
+    Session session(reduced, wider, there);
+    const Hypothesis best = best_of_one(session, progress);
+    if (best.log_posterior() <= most) continue;
+    most = best.log_posterior();
+    moved.clear();
+    for (const Term& term : best.terms)
+      if (term.kind->moves_means() && !term.kind->is_form()) moved.push_back(as_term(term));
+  }
   return moved.empty() ? placed : fit_placements(reduced, noise, moved);
 }
 

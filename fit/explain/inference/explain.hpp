@@ -21,7 +21,7 @@ struct Inferred {
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
   double sigma_mm = 0;                   ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
-  std::vector<Unexplained> beside = {};  ///< Forms beside the means.
+  std::vector<Unexplained> beside = {};  ///< Forms beside the means, and noise that is none.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
   std::vector<Gain> gain = {};           ///< Of every named one.
   std::vector<std::string> notes = {};   ///< Of channels, on how well they agree.

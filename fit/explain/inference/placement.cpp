@@ -114,6 +114,7 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vecto
   wider.factor *= excess;
   Places places(reduced, wider, at_work);
   places.fit();
+  const Nuisance by_all = places.at().nuisance;
   bool most = places.fits_most();
   if (!most) {
     Places trimmed(reduced, wider, at_work);  // from where the bench file has them
@@ -132,11 +133,11 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vecto
   }
   if (most) {
     places.share_out_edges();
-    return {excess, true, places.at().nuisance};
+    return {excess, true, places.at().nuisance, by_all};
   }
   // Nobody knows what beams meet but by the bench file.
   predict_at(reduced, stated, true);
-  return {excess, false, stated.nuisance};
+  return {excess, false, stated.nuisance, by_all};
 }
 
 }  // namespace fit::explain::inference

@@ -9,6 +9,7 @@ struct Placed {
   double excess = 1;  ///< Variance of means by how neighbouring cells scatter, over what their samples say.
   bool fits_most = true;
   Nuisance there;  ///< Where most beams agree that mount and targets are; as stated if they do not.
+  Nuisance by_all;  ///< Where all of them together have both.
 };
 
 /// Decides which cells may be compared, once mount and targets are known a little better than the bench file

@@ -37,14 +37,17 @@ class Question : Approximation {
     // Of a whole number each is asked, with harmonics, which may be the larger part of its effect.
     const bool whole = !kind_->refines && !is_form();
     for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
-    for (std::size_t i = 0; i < terms.size(); ++i) asked_.push_back({logs[i], std::move(terms[i])});
+    for (std::size_t i = 0; i < terms.size(); ++i) {
+      const double price = price_of(terms[i]);
+      asked_.push_back({logs[i] - price, std::move(terms[i]), price});
+    }
     if (kind_->mechanism->any_curve) keep_places();
     const double places = kind_->bins ? combs() : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
-    const auto better = [](const Asked& a, const Asked& b) { return a.log_evidence > b.log_evidence; };
-    const std::size_t kept = whole ? asked_.size() : std::min(modes_refined, asked_.size());
-    std::ranges::partial_sort(asked_, asked_.begin() + static_cast<std::ptrdiff_t>(kept), better);
-    asked_.resize(kept);
+    if (whole)
+      std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+    else
+      keep_modes();
     if (kind_->begins) add_spans();
     if (kind_->threshold) add_thresholds();
     best_.term = asked_.front().term;
@@ -57,9 +60,11 @@ class Question : Approximation {
     const bool refines = !model::refined_shapes_of(*kind_).empty();
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
+    std::map<double, double> firsts;  // of each choice: between starts the other may be the better one
     double most = -1e300, peak = -1e300, price = 0;
     for (const Asked& one : asked_) {
-      if (kind_->refines && one.log_evidence < first - another_mode) continue;
+      const double first_of_it = firsts.try_emplace(choice_of(one.term), one.log_evidence).first->second;
+      if (kind_->refines && one.log_evidence < first_of_it - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
       const double known = with_everything(there, false);
       modes.push_back(known + (refines ? width_at(there, known) : 0) - one.price);
@@ -130,6 +135,20 @@ class Question : Approximation {
     double price = 0;  ///< Minus the log of its times' prior probability.
   };
 
+  /// Of two things that a recording may not tell apart one is the usual one.
+  [[nodiscard]] double choice_of(const Term& term) const {
+    return kind_->choice ? term.values[*kind_->choice] : 0;
+  }
+  [[nodiscard]] double price_of(const Term& term) const {
+    return choice_of(term) > 0 ? numbers::fits_as_well : 0;
+  }
+  /// The best of each choice.
+  void keep_modes() {
+    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+    std::map<double, std::size_t> kept;
+    std::erase_if(asked_, [&](const Asked& one) { return ++kept[choice_of(one.term)] > modes_refined; });
+  }
+
   /// What the shapes' width takes off the evidence with everything else.
   [[nodiscard]] double width_at(const Term& term, double known) const {
     return std::min(0.0, with_everything(term, true) - known);
@@ -152,7 +171,7 @@ class Question : Approximation {
     const bool may_be_always = !kind_->mechanism->only_for_a_while;
     const double half = may_be_always ? std::log(2.0) : 0;
     for (Asked& one : asked_)
-      one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), half};
+      one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), one.price + half};
     std::vector<double> logs{may_be_always ? over_grid_ - half : -1e300};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     const bool either_sign = std::ranges::any_of(kind_->coefficients, [&](const auto& c) {
@@ -163,7 +182,7 @@ class Question : Approximation {
           scores_along(Coordinate::time,
                        [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }),
           either_sign);
-      const double price = half + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
+      const double price = always.price + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
         Asked within{0, always.term, price};
         within.term.values[*kind_->begins] = span.from;
@@ -175,9 +194,9 @@ class Question : Approximation {
     }
     over_grid_ = log_sum(logs);
     const Term always = asked_.front().term;
-    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
-    asked_.resize(std::min(modes_refined, asked_.size()));
-    if (may_be_always && asked_.front().price > half) best_.always = always;
+    keep_modes();
+    if (may_be_always && asked_.front().term.values[*kind_->begins] != always.values[*kind_->begins])
+      best_.always = always;
   }
 
   /// With sizes as the catalogue has them.
@@ -211,8 +230,7 @@ class Question : Approximation {
     const double highest = std::ranges::max(more, {}, &Asked::log_evidence).log_evidence;
     over_grid_ = log_sum({over_grid_, highest - std::log(static_cast<double>(kind_->starts.size()))});
     std::ranges::move(more, std::back_inserter(asked_));
-    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
-    asked_.resize(std::min(modes_refined, asked_.size()));
+    keep_modes();
   }
 
   /// Where a comb may be, by the first channel in which it acts.

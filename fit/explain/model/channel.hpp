@@ -127,6 +127,9 @@ struct ChannelKind {
   /// How well its rows agree with their predictors before and after anything was found; empty: no word.
   std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
       note;
+  /// What is left beside all that was found and that no usual device and no usual scene shows; empty:
+  /// nothing.
+  std::function<std::vector<Unexplained>(const ChannelRows&, const Eigen::VectorXd& eta)> strained;
   /// How pictures show it, where not as its rows along a coordinate; empty: as those.
   std::function<SpreadCurve(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
       picture;

@@ -203,7 +203,8 @@ Eigen::MatrixXd of_local(const Rows& channel, const Term& term, std::size_t widt
   }
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(channel.rows(), std::ssize(ways) * cosines);
   for (Index i = 0; i < channel.rows(); ++i) {
-    const double x = (coordinate_of(m.coordinate, channel.at(i)) - middle) / end;
+    const Circumstances& at = channel.at(i);
+    const double x = (m.away ? m.away(at, term.values) : coordinate_of(m.coordinate, at) - middle) / end;
     if (!(std::abs(x) < 1)) continue;
     const double share = m.formula_error * std::pow(std::cos(pi / 2 * x), 2);
     for (std::size_t w = 0; w < ways.size(); ++w) {

@@ -28,7 +28,7 @@ bool bench_knows(const Bench& bench, const Mechanism& m, int target) {
 
 /// Places of a shape, spread over its bounds.
 std::vector<double> places_of_shape(const Parameter& p) {
-  if (p.scale == Parameter::Scale::count) {
+  if (p.scale == Parameter::Scale::count || p.scale == Parameter::Scale::choice) {
     std::vector<double> whole;
     for (double n = p.lower; n <= p.upper; ++n) whole.push_back(n);
     return whole;
@@ -225,6 +225,7 @@ Kind kind_without_channels(const Mechanism& m, int target) {
   kind.threshold = m.parameter_of(Parameter::Scale::threshold);
   kind.begins = m.parameter_of(Parameter::Scale::from);
   kind.moment = m.parameter_of(Parameter::Scale::moment);
+  kind.choice = m.parameter_of(Parameter::Scale::choice);
   kind.refines = !kind.moment && !m.parameter_of(Parameter::Scale::count);
   return kind;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/model/neighbours.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <span>
@@ -8,6 +9,7 @@
 #include <utility>
 
 #include "fit/explain/model/range_and_angle.hpp"
+#include "fit/median.hpp"
 
 namespace fit::explain::model {
 namespace {
@@ -154,6 +156,65 @@ double inflation_of_squares(const Reduced& reduced) {
   }
   constexpr double independent = 2.0 / 3;  // of successive differences (von Neumann 1941)
   return if_certain(ratio / std::max(1.0, n), independent * n);
+}
+
+namespace {
+
+/// By how much a beam's variance lies above its two neighbours', as a share of all three, over the captures.
+struct OwnShare {
+  double sum = 0, square = 0;
+  int captures = 0;
+
+  void add(double share) {
+    sum += share;
+    square += share * share;
+    ++captures;
+  }
+  [[nodiscard]] double mean() const { return sum / captures; }
+  /// Variance of that mean, by how captures differ.
+  [[nodiscard]] double chance() const {
+    return std::max(0.0, square - sum * mean()) / (captures - 1) / captures;
+  }
+};
+
+std::map<double, OwnShare> own_shares(const Reduced& reduced) {
+  constexpr int fewest_samples = 5;
+  std::map<double, OwnShare> shares;  // by beam angle
+  for (const Group& group : reduced.groups)
+    for (std::size_t i = group.first_cell + 1; i + 1 < group.last_cell; ++i) {
+      const Cell &before = reduced.cells[i - 1], &cell = reduced.cells[i], &after = reduced.cells[i + 1];
+      const auto counts = [&](const Cell& one) {
+        return one.smooth && one.n >= fewest_samples && one.at.target == cell.at.target;
+      };
+      if (!counts(before) || !counts(cell) || !counts(after)) continue;
+      const double beside = (before.variance_mm2 + after.variance_mm2) / 2,
+                   level = (2 * beside + cell.variance_mm2) / 3;
+      if (level > 0) shares[cell.beam_rad].add((cell.variance_mm2 - beside) / level);
+    }
+  std::erase_if(shares, [](const auto& one) { return one.second.captures < 2; });
+  return shares;
+}
+
+}  // namespace
+
+NoiseOfBeams noise_of_beams(const Reduced& reduced) {
+  constexpr std::size_t fewest_beams = 30;
+  constexpr double of_difference = 1.5,       // a beam's own against the mean of two others
+      of_median = 1.4826,                     // a normal deviation's absolute value
+      own_by_own = 2 * 2.72 * of_difference;  // of the variance by a median; neighbours share terms
+  const std::map<double, OwnShare> shares = own_shares(reduced);
+  if (shares.size() < fewest_beams) return {};
+  std::vector<double> sizes;
+  double chance = 0, captures = 0;
+  for (const auto& [beam_rad, share] : shares) {
+    sizes.push_back(std::abs(share.mean()));
+    chance += share.chance();
+    captures += share.captures;
+  }
+  const auto beams = static_cast<double>(shares.size());
+  const double seen = std::pow(of_median * median_of(std::move(sizes)), 2), own = seen - chance / beams;
+  if (own < 3 * seen * std::sqrt(own_by_own / beams)) return {};
+  return {own / of_difference, captures / beams};
 }
 
 }  // namespace fit::explain::model

@@ -27,4 +27,17 @@ struct SectorScatter {
 /// How many samples say as much of their variance as one independent, normal one; 1 unless that is certain.
 [[nodiscard]] double inflation_of_squares(const Reduced& reduced);
 
+/// Noise that every beam has by its own, the same in all captures: a random effect of beams.
+struct NoiseOfBeams {
+  double variance = 0;  ///< Of a beam's share in the variance of its neighbours; 0 unless that is certain.
+  double captures = 0;  ///< That saw a beam, on average.
+
+  /// What is left of a cell's degrees of freedom: all captures together know no more of a beam than its own.
+  [[nodiscard]] double left_of(double freedom) const {
+    return freedom / (1 + captures * variance * freedom / 2);
+  }
+};
+/// By how beams lie off their neighbours, capture after capture; few that lie far off are something else.
+[[nodiscard]] NoiseOfBeams noise_of_beams(const Reduced& reduced);
+
 }  // namespace fit::explain::model

@@ -122,8 +122,8 @@ Eigen::VectorXd without_lines(const std::vector<RoughSurfaces::Place>& places,
 
 }  // namespace
 
-RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
-                                 const Eigen::VectorXd& residual) {
+LikeliestSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
+                                     const Eigen::VectorXd& residual) {
   const std::vector<RoughSurfaces::Level> tree = RoughSurfaces::tree_of(places);
   const Eigen::VectorXd left = without_lines(places, residual);
   const auto off = [](double step_mm, double usual_mm) {
@@ -148,19 +148,39 @@ RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places
     for (const auto& [target, logs] : log_likelihoods) log_posteriors.back() += logs.back();
     tried_mm.push_back(step_mm);
   }
-  const auto common =
-      static_cast<std::size_t>(std::ranges::max_element(log_posteriors) - log_posteriors.begin());
+  const auto likeliest = [](const std::vector<double>& logs) {
+    return static_cast<std::size_t>(std::ranges::max_element(logs) - logs.begin());
+  };
+  const std::size_t common = likeliest(log_posteriors);
+  std::size_t usual = 0;
+  while (tried_mm[usual] < numbers::rough_mm) ++usual;
+  // A size that all share strains the prior by no more than a form costs; one of a target alone is a form.
+  const bool strained = tried_mm[common] > numbers::rough_mm &&
+                        off(tried_mm[common], numbers::rough_mm) > -std::log(numbers::forms_expected);
+  const double price = std::log(static_cast<double>(log_likelihoods.size()) / numbers::forms_expected) +
+                       std::log(numbers::named_at / (1 - numbers::named_at));
   RoughSurfaces::Steps steps_mm;
+  std::map<int, double> odd;
   for (const auto& [target, logs] : log_likelihoods) {
-    double best = logs[common] + numbers::fits_as_well;  // what a size of its own costs
-    steps_mm[target] = tried_mm[common];
+    std::size_t others = common, best = common;
+    if (log_likelihoods.size() > 1) {
+      std::vector<double> of_others = log_posteriors;
+      for (std::size_t k = 0; k < logs.size(); ++k) of_others[k] -= logs[k];
+      others = std::max(usual, likeliest(of_others));  // what any board may have
+    }
+    double gain = numbers::fits_as_well;  // what a size of its own costs
     for (std::size_t k = 0; k < logs.size(); ++k)
-      if (const double own = logs[k] - off(tried_mm[k], tried_mm[common]); own > best) {
-        best = own;
-        steps_mm[target] = tried_mm[k];
+      if (const double own = logs[k] - logs[others] - off(tried_mm[k], tried_mm[others]); own > gain) {
+        best = k;
+        gain = own;
       }
+    steps_mm[target] = tried_mm[best];
+    if (best > others && gain > price)
+      odd[target] = gain;
+    else if (best == common && strained)
+      odd[target] = logs[common] - logs[usual];
   }
-  return {places, tree, std::move(steps_mm)};
+  return {{places, tree, std::move(steps_mm)}, std::move(odd)};
 }
 
 }  // namespace fit::explain::model

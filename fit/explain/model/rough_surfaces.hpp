@@ -54,11 +54,19 @@ class RoughSurfaces {
   std::map<int, double> log_determinants_;  ///< By target.
 };
 
+/// Surfaces, and of each target that is rougher than the others or than boards are, the log-likelihood that
+/// that gains.
+struct LikeliestSurfaces {
+  RoughSurfaces surfaces;
+  std::map<int, double> odd;
+};
+
 /// Surfaces with which residuals of unit noise are the most likely, by a prior around what a good board has,
 /// within three of its standard deviations; a target that is clearly unlike the others has a size of its own.
 /// What is left over may be something else's, which differs little within one target: a line along each, in
-/// every group, says nothing.
-[[nodiscard]] RoughSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
-                                               const Eigen::VectorXd& residual);
+/// every group, says nothing. What strains the prior by more than a form costs is no board; a size of its own
+/// is a form.
+[[nodiscard]] LikeliestSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& places,
+                                                   const Eigen::VectorXd& residual);
 
 }  // namespace fit::explain::model

@@ -38,8 +38,8 @@ struct ScatterOfScans {
   double ratio = 1;     ///< By how much it is more.
   /// Of that, a share is remembered from scan to scan with that correlation; none unless that is certain.
   double rho = 0, share = 0;
-  /// Variance that independent scans would draw anew for a pattern of a few scans to hide as well.
-  [[nodiscard]] double for_patterns() const { return more(ratio * (1 + share * rho) / (1 - share * rho)); }
+  /// Variance that every scan has beside that of its samples.
+  [[nodiscard]] double beside_samples() const { return more(ratio); }
   /// Variance that independent scans would draw anew for means over so many to scatter as much; 0 where none
   /// is remembered.
   [[nodiscard]] double for_means(int scans) const {

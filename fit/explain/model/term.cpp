@@ -168,7 +168,11 @@ std::vector<std::size_t> shapes_of(const Kind& kind) {
 }
 
 std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
-  return kind.refines ? shapes_of(kind) : std::vector<std::size_t>();
+  if (!kind.refines) return {};
+  std::vector<std::size_t> list = shapes_of(kind);
+  std::erase_if(
+      list, [&](std::size_t k) { return kind.mechanism->parameters[k].scale == Parameter::Scale::choice; });
+  return list;
 }
 
 Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values,

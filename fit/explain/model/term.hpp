@@ -48,6 +48,7 @@ struct Kind {
   std::optional<std::size_t> bins;       ///< The shape of a comb: its starts are proposed by the recording.
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
   std::optional<std::size_t> moment;     ///< The shape at which something changes for good.
+  std::optional<std::size_t> choice;     ///< The shape that is one of two.
   std::optional<std::size_t> begins;     ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
   bool refines = true;    ///< Shapes between those of the grid make sense.

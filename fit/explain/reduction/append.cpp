@@ -46,6 +46,9 @@ void append(Reduced& reduced, const Reduced& other) {
   reduced.left_out += other.left_out;
   reduced.in_clear += other.in_clear;
   reduced.astray += other.astray;
+  reduced.scans += other.scans;
+  reduced.repeated += other.repeated;
+  reduced.broken += other.broken;
 }
 
 }  // namespace fit::explain

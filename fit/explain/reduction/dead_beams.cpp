@@ -4,8 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <span>
+#include <utility>
+#include <vector>
+
+#include "fit/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {
@@ -43,6 +48,21 @@ void add_witnessed(std::span<const Cell> cells, const std::set<long>& silent,
   }
 }
 
+/// Beams side by side together.
+Sectors sectors_of(const std::map<long, double>& beams, const Reduced& reduced) {
+  Sectors sectors;
+  double step = 0;  // of the lidar's beams: the least between two
+  for (std::size_t i = 1; i < reduced.cells.size(); ++i)
+    if (const double s = reduced.cells[i].beam_rad - reduced.cells[i - 1].beam_rad; s > 0)
+      step = step > 0 ? std::min(step, s) : s;
+  for (const auto& [beam, rad] : beams)
+    if (!sectors.empty() && rad - sectors.back().second < 1.5 * step)
+      sectors.back().second = rad;
+    else
+      sectors.emplace_back(rad, rad);
+  return sectors;
+}
+
 }  // namespace
 
 Sectors leave_out_dead_beams(Reduced& reduced) {
@@ -53,18 +73,56 @@ Sectors leave_out_dead_beams(Reduced& reduced) {
       add_witnessed(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell),
                     silent, dead);
   for (Cell& cell : reduced.cells)
-    if (dead.contains(beam_of(cell))) cell.lost = 0, cell.smooth = false;
-  Sectors sectors;
-  double step = 0;  // of the lidar's beams: the least between two
-  for (std::size_t i = 1; i < reduced.cells.size(); ++i)
-    if (const double s = reduced.cells[i].beam_rad - reduced.cells[i - 1].beam_rad; s > 0)
-      step = step > 0 ? std::min(step, s) : s;
-  for (const auto& [beam, rad] : dead)
-    if (!sectors.empty() && rad - sectors.back().second < 1.5 * step)
-      sectors.back().second = rad;
-    else
-      sectors.emplace_back(rad, rad);
-  return sectors;
+    if (dead.contains(beam_of(cell))) cell.leave_out();
+  return sectors_of(dead, reduced);
+}
+
+namespace {
+
+/// By how far at least a beam reads longer, or shorter, than both beside it on the same surface, mm; none
+/// near an edge.
+std::optional<double> apart_mm(std::span<const Cell> cells, std::size_t i) {
+  const Cell& cell = cells[i];
+  if (cell.n == 0 || cell.edge >= 0) return {};
+  const double own = cell.mean_mm - cell.nominal_mm;
+  const auto beyond = [&](std::size_t k) -> std::optional<double> {
+    if (!cells[k].smooth || cells[k].at.target != cell.at.target) return {};
+    return own - (cells[k].mean_mm - cells[k].nominal_mm);
+  };
+  if (cells.size() < 3) return {};
+  const std::size_t last = cells.size() - 1;
+  const auto one = beyond(i == 0 ? 1 : i - 1), other = beyond(i == 0 ? 2 : i == last ? i - 2 : i + 1);
+  if (!one || !other) return {};
+  return *one * *other > 0 ? std::min(std::abs(*one), std::abs(*other)) : 0;
+}
+
+}  // namespace
+
+Sectors leave_out_odd_beams(Reduced& reduced) {
+  constexpr double least_mm = 10, far = 10, often = 0.2;
+  constexpr std::ptrdiff_t fewest_captures = 3;
+  std::map<long, std::vector<double>> off_mm;
+  std::map<long, double> beams;
+  std::vector<double> all;
+  for (const Group& group : reduced.groups) {
+    const auto cells = std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (const auto mm = apart_mm(cells, i)) {
+        off_mm[beam_of(cells[i])].push_back(*mm);
+        beams[beam_of(cells[i])] = cells[i].beam_rad;
+        all.push_back(*mm);
+      }
+  }
+  std::erase(all, 0.0);
+  const double usual_mm = std::max(least_mm, far * median_of(std::move(all)));
+  std::erase_if(beams, [&](const auto& beam) {
+    const std::vector<double>& list = off_mm.at(beam.first);
+    const auto odd = std::ranges::count_if(list, [&](double mm) { return mm > usual_mm; });
+    return odd < fewest_captures || static_cast<double>(odd) < often * static_cast<double>(list.size());
+  });
+  for (Cell& cell : reduced.cells)
+    if (beams.contains(beam_of(cell))) cell.leave_out();
+  return sectors_of(beams, reduced);
 }
 
 }  // namespace fit::explain::reduction

@@ -5,63 +5,82 @@
 #include <cmath>
 #include <optional>
 #include <set>
+#include <span>
+#include <utility>
 
+#include "fit/echo.hpp"
 #include "fit/explain/reduction/margins.hpp"
 #include "fit/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {
 
-constexpr double few = 0.5, most = 0.9;  // of the beams
+constexpr double most = 0.9;  // of the beams
 constexpr double step_rad = 0.5 * rad_per_deg;
+constexpr double usual_mm = 60;
 
-/// A stop's cells against the bench file's targets.
+/// What a beam may be off at most by what the bench file leaves open.
+double allowed_mm(const Bench& bench, const Sight& sight) {
+  return usual_mm + doubt_of_mount * misplaced_mm(bench, sight);
+}
+
+/// The beams of a capture that should meet a target and are about as far from it as they measure; 1 of none.
+double share_that_fits(const Reduced& reduced, const Group& group) {
+  double all = 0, fits = 0;
+  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+    const Cell& cell = reduced.cells[i];
+    if (cell.n + cell.lost == 0) continue;
+    ++all;
+    fits += cell.n > 0 && std::abs(cell.mean_mm - cell.nominal_mm) < allowed_mm(reduced.bench, cell.sight);
+  }
+  return all > 0 ? fits / all : 1;
+}
+
+/// What one beam measured, on median; 0: mostly no echo.
+struct Look {
+  double beam_rad = 0, range_mm = 0;
+};
+
+/// All around, of the first scans of a capture.
+std::vector<Look> looks_of(const Recording& recording, std::size_t index) {
+  constexpr std::size_t enough_scans = 9, enough_beams = 250;
+  const CaptureInfo& capture = recording.captures()[index];
+  std::vector<std::vector<double>> ranges;
+  std::vector<Look> looks;
+  recording.for_each_scan(index, [&](const ScanView& scan) {
+    if (ranges.size() * scan.range_mm.size() == 0) {
+      const BeamAngles angles(recording.bench().lidar, capture, scan.geometry);
+      for (std::size_t k = 0; k < scan.range_mm.size(); ++k) looks.push_back({angles.at_rad(k), 0});
+      ranges.resize(looks.size());
+    }
+    for (std::size_t k = 0; k < std::min(ranges.size(), scan.range_mm.size()); ++k)
+      if (ranges[k].size() < enough_scans)
+        ranges[k].push_back(scan.range_mm[k] < first_error_code_mm ? scan.range_mm[k] : 0);
+  });
+  std::vector<Look> some;
+  for (std::size_t k = 0; k < looks.size(); k += looks.size() / enough_beams + 1)
+    some.push_back({looks[k].beam_rad, median_of(std::span(ranges[k]))});
+  return some;
+}
+
+/// A stop's beams against the bench file's targets.
 class Stop {
  public:
-  Stop(const Reduced& reduced, const Group& group)
-      : reduced_(reduced), group_(group), as_stated_(reduced.bench) {
-    constexpr std::size_t enough = 150;
-    const std::size_t every = (group.last_cell - group.first_cell) / enough + 1;
-    for (std::size_t i = group.first_cell; i < group.last_cell; i += every)
-      if (reduced.cells[i].n > 0) cells_.push_back(&reduced.cells[i]);
-  }
-  [[nodiscard]] bool says_enough() const { return std::ssize(cells_) >= 20; }
-  /// How its beams fit what they would meet from there.
-  struct Fit {
-    double share = 0;   ///< Of those that are about as far away as they measure.
-    double misfit = 0;  ///< On average, of what is allowed at most.
-  };
-  [[nodiscard]] Fit fit_at(double stage_rad, double target_shift_mm) const {
-    constexpr double usual_mm = 60;
-    CaptureInfo there = reduced_.capture_of(group_);
-    there.target_shift_mm = target_shift_mm;
-    const Scene scene(reduced_.bench, as_stated_, there,
-                      reduced_.absent[static_cast<std::size_t>(group_.capture)]);
-    Fit fit;
-    const double each = 1 / static_cast<double>(cells_.size());
-    for (const Cell* cell : cells_) {
-      const Sight sight = scene.look(stage_rad, cell->beam_rad);
-      const double off = sight.target < 0
-                             ? 1
-                             : std::abs(cell->mean_mm - sight.range_mm) /
-                                   (usual_mm + doubt_of_mount * misplaced_mm(reduced_.bench, sight));
-      fit.misfit += each * std::min(1.0, off);
-      if (off < 1) fit.share += each;
-    }
-    return fit;
-  }
-  [[nodiscard]] double share_that_fits() const {
-    return fit_at(group_.stage_rad, reduced_.capture_of(group_).target_shift_mm).share;
-  }
-  /// Where it fits best, if most beams do: where other captures were taken, or anywhere on the stage.
+  Stop(const Reduced& reduced, const Group& group, std::vector<Look> looks)
+      : reduced_(reduced), group_(group), as_stated_(reduced.bench), looks_(std::move(looks)) {}
+
+  /// Where it fits best, if most beams do and better than as stated: where other captures were taken, or
+  /// anywhere on the stage.
   [[nodiscard]] std::optional<MisplacedCapture> elsewhere(const std::set<double>& stages_rad,
                                                           const std::set<double>& shifts_mm) const {
     const double shift_mm = reduced_.capture_of(group_).target_shift_mm;
+    const Fit stated = fit_at(group_.stage_rad, shift_mm);
     MisplacedCapture best{group_.capture, group_.stage_rad, shift_mm};
-    Fit best_fit{0, 1};
+    Fit best_fit = stated;
     const auto look = [&](double stage_rad, double target_shift_mm) {
+      constexpr int enough = 20;
       const Fit there = fit_at(stage_rad, target_shift_mm);
-      if (there.misfit >= best_fit.misfit) return;
+      if (there.beams < enough || 2 * there.beams < stated.beams || there.misfit >= best_fit.misfit) return;
       best_fit = there;
       best = {group_.capture, stage_rad, target_shift_mm};
     };
@@ -72,22 +91,62 @@ class Stop {
     const double open_rad = 1.5 * step_rad + 3 * reduced_.bench.lidar.mount.yaw_rad.u;
     for (const double other_rad : stages_rad)
       if (std::abs(wrap_angle(other_rad - best.stage_rad)) < open_rad) best.stage_rad = other_rad;
-    if (best_fit.share < most) return {};
+    if (best_fit.share < most || best_fit.misfit > stated.misfit / 2) return {};
     return best;
   }
 
  private:
+  /// How its beams fit what they would meet from somewhere.
+  struct Fit {
+    int beams = 0;      ///< That would meet a target.
+    double share = 0;   ///< Of these, those that are about as far away as they measure.
+    double misfit = 1;  ///< On average, of what is allowed at most.
+  };
+  [[nodiscard]] Fit fit_at(double stage_rad, double target_shift_mm) const {
+    CaptureInfo there = reduced_.capture_of(group_);
+    there.target_shift_mm = target_shift_mm;
+    const Scene scene(reduced_.bench, as_stated_, there,
+                      reduced_.absent[static_cast<std::size_t>(group_.capture)]);
+    Fit fit;
+    double off = 0, fits = 0;
+    for (const Look& look : looks_) {
+      const Sight sight = scene.look(stage_rad, look.beam_rad);
+      if (sight.target < 0) continue;
+      ++fit.beams;
+      const double share = look.range_mm > 0
+                               ? std::abs(look.range_mm - sight.range_mm) / allowed_mm(reduced_.bench, sight)
+                               : 1;
+      off += std::min(1.0, share);
+      fits += share < 1;
+    }
+    if (fit.beams == 0) return fit;
+    fit.share = fits / fit.beams;
+    fit.misfit = off / fit.beams;
+    return fit;
+  }
+
   const Reduced& reduced_;
   const Group& group_;
   Nuisance as_stated_;
-  std::vector<const Cell*> cells_;
+  std::vector<Look> looks_;
 };
+
+/// The recording of a capture that is counted through all of them, and its index there.
+std::pair<const Recording*, std::size_t> recording_of(const std::vector<const Recording*>& recordings,
+                                                      std::size_t capture) {
+  for (const Recording* one : recordings) {
+    if (capture < one->captures().size()) return {one, capture};
+    capture -= one->captures().size();
+  }
+  return {recordings.back(), recordings.back()->captures().size() - 1};
+}
 
 }  // namespace
 
-std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced) {
+std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced,
+                                                 const std::vector<const Recording*>& recordings) {
   std::vector<double> shares;
-  std::vector<Stop> do_not_fit;
+  std::vector<const Group*> do_not_fit;
   std::set<double> stages_rad, shifts_mm;
   int before = -1;
   for (const Group& group : reduced.groups) {
@@ -96,15 +155,16 @@ std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced) {
     shifts_mm.insert(capture.target_shift_mm);
     if (group.capture == before || is_turning(capture)) continue;
     before = group.capture;
-    const Stop stop(reduced, group);
-    if (!stop.says_enough()) continue;
-    shares.push_back(stop.share_that_fits());
-    if (shares.back() < few) do_not_fit.push_back(stop);
+    shares.push_back(share_that_fits(reduced, group));
+    if (shares.back() < most) do_not_fit.push_back(&group);
   }
   std::vector<MisplacedCapture> misplaced;
   if (shares.empty() || median_of(shares) < most) return misplaced;
-  for (const Stop& stop : do_not_fit)
+  for (const Group* group : do_not_fit) {
+    const auto [recording, index] = recording_of(recordings, static_cast<std::size_t>(group->capture));
+    const Stop stop(reduced, *group, looks_of(*recording, index));
     if (const auto found = stop.elsewhere(stages_rad, shifts_mm)) misplaced.push_back(*found);
+  }
   return misplaced;
 }
 

@@ -15,6 +15,8 @@ struct MisplacedCapture {
 
 /// The captures that do not fit the bench file as they are stated, though most others do and they fit at
 /// another stage angle, or with the target at another of the recorded distances: exchanged, or mistyped.
-[[nodiscard]] std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced);
+/// `recordings`: of which the captures were reduced, in that order.
+[[nodiscard]] std::vector<MisplacedCapture> misplaced_captures(
+    const Reduced& reduced, const std::vector<const Recording*>& recordings);
 
 }  // namespace fit::explain::reduction

@@ -26,11 +26,6 @@ bool is_met(const Cell& cell) {
 
 bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
 
-void leave_out(Cell& cell) {
-  cell.lost = 0;
-  cell.smooth = cell.doubtful = false;
-}
-
 /// Neighbours of one group that go through their target.
 struct Run {
   int target = 0, capture = 0;
@@ -103,7 +98,7 @@ std::vector<Opening> leave_out_openings(Reduced& reduced) {
           cell.at.along_mm > one.to_mm + margin_mm || is_met(cell))
         continue;
       if (goes_through(cell)) captures.insert(reduced.group_of(cell).capture);
-      leave_out(cell);
+      cell.leave_out();
     }
     one.captures = static_cast<int>(captures.size());
   }
@@ -134,7 +129,7 @@ std::map<int, int> leave_out_absent_targets(Reduced& reduced) {
         absent.insert({place.first, capture});
   }
   for (Cell& cell : reduced.cells)
-    if (absent.contains({cell.at.target, reduced.group_of(cell).capture})) leave_out(cell);
+    if (absent.contains({cell.at.target, reduced.group_of(cell).capture})) cell.leave_out();
   std::map<int, int> captures;
   for (const auto& [target, capture] : absent) ++captures[target];
   return captures;

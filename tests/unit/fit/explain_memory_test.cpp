@@ -128,7 +128,7 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
   struct Truth {
     double rho, share;
   };
-  int inside_rho = 0, inside_share = 0, all = 0;
+  int inside_rho = 0, inside_share = 0, nothing_else = 0, all = 0;
   for (const Truth truth : {Truth{0.5, 0.3}, {0.8, 0.2}, {0.95, 0.3}, {0.3, 0.5}})
     for (unsigned seed = 1; seed <= rounds(20); ++seed) {
       const NoiseFindings result = spread_of({{truth.share, truth.rho}}, 150, seed);
@@ -138,8 +138,10 @@ TEST_CASE("how much noise remembers, and for how long, lies within what is state
       // A millimetre's rounding adds a half of a per cent of white noise.
       inside_rho += std::abs(rho.value - truth.rho) < 1.96 * rho.u;
       inside_share += std::abs(share.value - truth.share / (1 + 1.0 / 12 / 16)) < 1.96 * share.u;
+      nothing_else += result.unknown.empty();
       ++all;
     }
+  CHECK(nothing_else >= least_successes(all, 0.99));
   INFO(inside_rho << " and " << inside_share << " of " << all);
   CHECK(inside_rho >= least_successes(all, 0.95));
   CHECK(inside_share >= least_successes(all, 0.95));

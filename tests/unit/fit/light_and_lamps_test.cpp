@@ -29,6 +29,11 @@ struct Light {
 /// At a beam angle (deg), a time since power-on and the time of the beam itself (s).
 using OfLight = std::function<Light(double beam_deg, double time_s, double beam_time_s)>;
 
+constexpr int captures = 16;
+constexpr double first_s = 100, every_s = 40.3;
+
+double stage_deg(int capture) { return 45.0 * (capture < 8 ? capture : captures - 1 - capture); }
+
 /// A room seen from 16 stage angles, both ways, 40 s apart, in steps of the range.
 Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, double step_mm = 1) {
   const fit::Bench bench = plain_bench::bench_of_room(
@@ -54,11 +59,11 @@ Explanation explained(const OfLight& light, int scans = 10, unsigned seed = 1, d
                        : std::uint16_t{0};
     }
   });
-  for (int i = 0; i < 16; ++i) {
+  for (int i = 0; i < captures; ++i) {
     fit::CaptureInfo capture;
-    capture.stage_rad = 45.0 * (i < 8 ? i : 15 - i) * degree;
+    capture.stage_rad = stage_deg(i) * degree;
     capture.approach = i < 8 ? 1 : -1;
-    capture.since_power_on_s = 100 + 40.3 * i;
+    capture.since_power_on_s = first_s + every_s * i;
     capture.last_step = 360;
     recording.add(capture, scans);
   }
@@ -255,6 +260,43 @@ TEST_CASE("noise that is the same everywhere is no threshold's, where no echo is
   REQUIRE(e.mechanisms.size() == 1);
   CHECK(e.mechanisms.front().mechanism->id == "range-noise");
   CHECK(e.undecided_between.empty());
+}
+
+TEST_CASE("light that stays in the room while the stage turns is light, and where it stands is told") {
+  const Explanation e = explained(
+      [](double beam_deg, double time_s, double) {
+        const double stage = stage_deg(static_cast<int>((time_s - first_s) / every_s));
+        const double away = std::remainder(beam_deg + stage - 170, 360.0),
+                     bell = std::exp(-std::pow(away / 25, 2));
+        return Light{.scatter_mm = 7 * bell, .lost = 0.04 * bell * bell};
+      },
+      10, 11);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  const auto& found = e.mechanisms.front();
+  CHECK(found.mechanism->id == "sunlight");
+  CHECK(std::abs(std::remainder(found.parameters.at("centre_deg").value - 170, 360.0)) < 4);
+  CHECK(found.parameters.at("in_room").value == 1);
+  CHECK(e.undecided_between.empty());
+  CHECK_FALSE(e.unknown);
+}
+
+TEST_CASE("noise that every beam has by its own is no noise of some beams, and is told") {
+  std::mt19937 random(17);
+  std::normal_distribution<double> normal;
+  std::array<double, 361> scatter_mm{};
+  for (double& one : scatter_mm) one = 4 * std::sqrt(std::max(0.0, std::exp(0.7 * normal(random)) - 0.2));
+  const Explanation e = explained(
+      [&](double beam_deg, double, double) {
+        return Light{.scatter_mm = scatter_mm[static_cast<std::size_t>(std::lround(beam_deg / 0.75 + 180))]};
+      },
+      30, 19);
+  INFO(to_text(e));
+  for (const auto& found : e.mechanisms) CHECK(found.mechanism->id == "range-noise");
+  for (const auto& set : e.undecided_between) CHECK(std::ranges::count(set, "range-noise") == 1);
+  CHECK(std::ranges::any_of(e.notes, [](const std::string& note) {
+    return note.find("Every beam has noise of its own") != std::string::npos;
+  }));
 }
 
 }  // namespace light_and_lamps_test

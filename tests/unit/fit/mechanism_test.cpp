@@ -191,9 +191,9 @@ const std::map<std::string, Equation>& equations() {
       {"intensity-noise", {{{"sigma_mm_at_100_counts", 3}, {"exponent", 1}},
         [](const Beam& x) { return fit::Effect{.variance_mm2 = 900 / x.I}; }}},
       {"sunlight", {{{"sigma_mm", 6}, {"centre_deg", 20}, {"width_deg", 15}, {"from_s", 500}, {"to_s", 1500},
-                     {"lost", 0.1}, {"exponent", 2}, {"edge_exponent", 4}},
+                     {"lost", 0.1}, {"exponent", 2}, {"edge_exponent", 4}, {"in_room", 1}},
         [](const Beam& x) {
-          const double away = std::remainder(x.a / degree - 20, 360) / 15;
+          const double away = std::remainder((x.a + x.th) / degree - 20, 360) / 15;
           const double light = x.t >= 500 && x.t <= 1500 ? std::exp(-away * away * away * away / 2) : 0;
           return fit::Effect{.variance_mm2 = 36e6 * light / x.I / x.I, .lost = 0.1 * light};
         }}},

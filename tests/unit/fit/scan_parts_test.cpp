@@ -6,6 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "fit/explain/model/autoregression.hpp"
+#include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/reduce.hpp"
 #include "plain_room.hpp"
@@ -109,6 +111,34 @@ TEST_CASE("captures of few scans that remember nothing are not taken for slow no
   }
   CHECK(remembers <= 5);
   CHECK(most < 2);
+}
+
+TEST_CASE("remembered noise divided out has the likelihood of its covariance, whatever its share") {
+  constexpr int n = 40;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (const auto& [rho, share] : {std::pair(0.9, 0.3), {0.5, 1.0}, {0.95, 0.05}, {0.0, 0.0}}) {
+    Eigen::MatrixXd covariance(n, n);
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k) covariance(i, k) = i == k ? 1 : share * std::pow(rho, std::abs(i - k));
+    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
+    Eigen::VectorXd values(n);
+    for (double& value : values) value = normal(random);
+    const double expected = root.matrixL().solve(values).squaredNorm();
+    fit::explain::model::RememberedNoise(rho, share).whiten(values);
+    INFO(rho << " of " << share);
+    CHECK(values.squaredNorm() == Approx(expected));
+  }
+}
+
+TEST_CASE("of rows whose noise is remembered the mean of a block says nothing") {
+  fit::explain::model::BlockMeans means;
+  means.weight = Eigen::VectorXd::LinSpaced(6, 1, 2);
+  means.blocks = {{0, 2, 4}, {1, 3, 5}};
+  means.noise = {fit::explain::model::RememberedNoise(0.8, 0.5), {}};
+  Eigen::MatrixXd column = Eigen::MatrixXd::Constant(6, 1, 3.0);
+  means.whiten(column);
+  CHECK(column.norm() < 1e-12);
 }
 
 }  // namespace scan_parts_test

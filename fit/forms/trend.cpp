@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+
+#include "fit/explain/unnamed.hpp"
+
+namespace fit::explain::forms {
+
+// It grows evenly in time: what drifts. Along other coordinates that has names, such as scales. `at`: where it is zero, the middle; `length`: from there to the ends.
+Form make_trend() {
+  Form f;
+  f.id = "trend";
+  f.basis = [](const Shape& s, double x, int) { return (x - s.at) / s.length; };
+  f.along = [](const Axis& axis) {
+    if (axis.coordinate != Coordinate::time) return std::vector<Shape>();
+    return std::vector<Shape>{{.at = (axis.low + axis.high) / 2, .length = (axis.high - axis.low) / 2}};
+  };
+  f.says = [](const Shape& s, const Course& c) {
+    const double all = 2 * s.values.front() * c.scale;
+    return Described{"the " + c.what + (all < 0 ? " falls" : " grows") + " evenly along " + c.coordinate +
+                         ", by " + rounded(std::abs(all), 3) + c.unit + " from " + rounded(c.low, 4) + " to " +
+                         rounded(c.high, 4) + c.unit_of_coordinate,
+                     c.low, c.high};
+  };
+  return f;
+}
+
+}  // namespace fit::explain::forms
