@@ -2,7 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
+#include <utility>
+#include <vector>
 
 #include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/block_means.hpp"
@@ -26,10 +27,11 @@ struct Scatter {
 /// scan.
 class Scans final : public model::NormalRows {
  public:
-  Scans(std::vector<ScanPart> parts, const Scatter& scatter, std::optional<double> wave_hz)
+  Scans(std::vector<ScanPart> parts, const Scatter& scatter, const Reduced& reduced)
       : parts_(std::move(parts)) {
     nuisances().columns.resize(rows(), 0);
-    if (wave_hz) expect_wave(*wave_hz);
+    if (reduced.wave_hz) expect_wave(*reduced.wave_hz, true);
+    if (reduced.vibration_hz) expect_wave(*reduced.vibration_hz, false);
     means_.weight.resize(rows());
     std::map<int, std::vector<Index>> blocks;
     for (Index i = 0; i < rows(); ++i) {
@@ -65,21 +67,20 @@ class Scans final : public model::NormalRows {
   }
 
  private:
-  /// A wave of that frequency, in no step with captures, was taken off: what it leaves has a phase of its own
-  /// in each.
-  void expect_wave(double hz) {
+  /// A wave of that frequency, in no step with captures, has a phase of its own in each. It is one of all
+  /// ranges and of the stage's angle; or of a lamp, what is left of one that was taken off.
+  void expect_wave(double hz, bool of_lamp) {
     std::map<int, Index> of_group;
     for (const ScanPart& p : parts_) of_group.try_emplace(p.group, static_cast<Index>(of_group.size()));
     Eigen::MatrixXd waves = Eigen::MatrixXd::Zero(rows(), 4 * static_cast<Index>(of_group.size()));
+    constexpr double angle_rad = numbers::form_deg * rad_per_deg / numbers::form_mm;  // as usual as a mm
     for (Index i = 0; i < rows(); ++i) {
-      const double turn = 2 * pi * hz * part(i).at.since_move_s;
-      const Index k = 4 * of_group.at(part(i).group) + (part(i).of_angle ? 2 : 0);
-      waves(i, k) = std::cos(turn);
-      waves(i, k + 1) = std::sin(turn);
+      const double turn = 2 * pi * hz * part(i).at.since_move_s, of_range = part(i).of_angle ? 0 : 1,
+                   of_angle = of_lamp ? 1 - of_range : part(i).lever_mm * angle_rad;
+      const Eigen::RowVector2d wave(std::cos(turn), std::sin(turn));
+      waves.row(i).segment<4>(4 * of_group.at(part(i).group)) << of_range * wave, of_angle * wave;
     }
-    const Index count = waves.cols();
-    nuisances() = {std::move(waves),
-                   {Eigen::VectorXd::Zero(count), Eigen::VectorXd::Constant(count, numbers::form_mm)}};
+    nuisances().append(waves, Prior::around_zero(waves.cols(), numbers::form_mm));
   }
   /// All parts of a scan, one after the other, share them.
   void share_errors(double range_mm, double angle_rad) {
@@ -123,8 +124,7 @@ model::ChannelKind make_scan() {
       parts *= 2;
     return std::make_unique<Scans>(
         parts == 1 ? whole : in_parts(parts),
-        Scatter{model::scatter_of_scans(whole, false), model::scatter_of_scans(whole, true)},
-        reduced.wave_hz);
+        Scatter{model::scatter_of_scans(whole, false), model::scatter_of_scans(whole, true)}, reduced);
   };
   return kind;
 }

@@ -2,7 +2,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <string>
+#include <vector>
 
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/gamma.hpp"
 #include "fit/explain/model/neighbours.hpp"
@@ -13,12 +16,61 @@ namespace {
 
 using model::IndependentRows;
 
+/// Of the samples' distribution, all cells together.
+struct ShapeOfNoise {
+  Estimate skewness{0, 1}, kurtosis{3, 1};
+};
+
+/// Where noise is wide enough to show it in whole millimetres, and nothing known changes from scan to scan.
+ShapeOfNoise shape_of_noise(const Reduced& reduced) {
+  constexpr int fewest_samples = 8, fewest_cells = 20;
+  constexpr double least_mm2 = 2, most_of_scans = 0.05;
+  if (reduced.output_steps.step_mm > 1 || reduced.wave_hz) return {};
+  struct Sums {
+    double weight = 0, value = 0, square = 0;
+    int cells = 0;
+    void add(double w, double v) {
+      weight += w;
+      value += w * v;
+      square += w * v * v;
+      ++cells;
+    }
+    [[nodiscard]] Estimate mean() const {
+      const double mean = value / weight;
+      return {mean, std::sqrt(std::max(0.0, square / weight - mean * mean) / cells)};
+    }
+  } skewness, kurtosis;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < fewest_samples || cell.variance_mm2 < least_mm2 || !(cell.pooled_mm2 > 0) ||
+        cell.of_scans_mm2 > most_of_scans * cell.variance_mm2)
+      continue;
+    // Of few skewed samples the own variance goes with the third moment: by the neighbours' it is unbiased.
+    skewness.add(cell.n, cell.skewness * std::pow(cell.variance_mm2 / cell.pooled_mm2, 1.5));
+    kurtosis.add(cell.n, cell.kurtosis);
+  }
+  if (skewness.cells < fewest_cells) return {};
+  return {skewness.mean(), kurtosis.mean()};
+}
+
+/// What of a shape strains what usual noise has by more than a form costs, if that is certain.
+void add_if_odd(double beyond, double u, const std::string& describes, std::vector<Unexplained>& list) {
+  constexpr double certain = 5;
+  const double strain = beyond / numbers::usual_shape;
+  if (beyond < certain * u || strain * strain / 2 < -std::log(numbers::forms_expected)) return;
+  Unexplained odd;
+  odd.observable = Observable::range_distribution;
+  odd.describes = describes;
+  odd.gain = beyond * beyond / (2 * u * u);
+  list.push_back(std::move(odd));
+}
+
 /// Sample variances: a gamma distribution of shape f/2 around the variance of one sample (mm^2), to which
 /// independent causes add.
 class Variances final : public model::GammaRows {
  public:
-  Variances(std::vector<Row> rows, const model::NoiseOfBeams& own, const Bench& bench)
-      : GammaRows(std::move(rows), rounding_mm2 / 2), own_(own) {
+  Variances(std::vector<Row> rows, const model::NoiseOfBeams& own, const ShapeOfNoise& shape,
+            const Bench& bench)
+      : GammaRows(std::move(rows), rounding_mm2 / 2), own_(own), shape_(shape) {
     constexpr double best_known = 0.02;  // no noise is constant to better than that share
     const Estimate stated = stated_noise(bench);
     Columns base;
@@ -43,8 +95,22 @@ class Variances final : public model::GammaRows {
            "only beyond that.";
   }
 
+  [[nodiscard]] std::vector<Unexplained> strained() const {
+    std::vector<Unexplained> list;
+    add_if_odd(std::abs(shape_.skewness.value), shape_.skewness.u,
+               "samples scatter farther to the " + std::string(shape_.skewness.value > 0 ? "long" : "short") +
+                   " side: the skewness of their distribution is " + rounded(shape_.skewness.value, 2),
+               list);
+    add_if_odd(3 - shape_.kurtosis.value, shape_.kurtosis.u,
+               "samples spread evenly, or about two values: the kurtosis of their distribution is " +
+                   rounded(shape_.kurtosis.value, 2) + ", that of normal noise 3",
+               list);
+    return list;
+  }
+
  private:
   model::NoiseOfBeams own_;
+  ShapeOfNoise shape_;
 };
 
 std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const MeanNoise& noise,
@@ -96,7 +162,10 @@ model::ChannelKind make_variance() {
     const model::NoiseOfBeams own = model::noise_of_beams(reduced);
     auto rows = variance_rows(reduced, noise, own);
     if (rows.size() < 3) return nullptr;
-    return std::make_unique<Variances>(std::move(rows), own, reduced.bench);
+    return std::make_unique<Variances>(std::move(rows), own, shape_of_noise(reduced), reduced.bench);
+  };
+  kind.strained = [](const model::ChannelRows& rows, const Eigen::VectorXd&) {
+    return static_cast<const Variances&>(rows).strained();
   };
   kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd&) {
     return static_cast<const Variances&>(rows).note();

@@ -14,6 +14,7 @@
 #include "fit/explain/model/transitions.hpp"
 #include "fit/explain/reading.hpp"
 #include "fit/explain/twin.hpp"
+#include "fit/explain/vibration.hpp"
 
 namespace fit::explain {
 namespace {
@@ -25,6 +26,7 @@ SpreadResult before_the_model(Reduced& reduced) {
   if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
   result.sigma_mm = reduced.typical_sigma_mm();
   find_coarse_steps(reduced, result.sigma_mm, result);
+  reduced.vibration_hz = vibration(reduced, result);
   return result;
 }
 

@@ -27,6 +27,7 @@ struct Cell {
   int edge = -1;            ///< The edge within reach: 2 * target + (0: its start, 1: its end); -1: none.
   double mean_mm = 0, variance_mm2 = 0;
   double kurtosis = 3;      ///< Of the samples' distribution, 3 if it is normal; unknown of too few.
+  double skewness = 0;      ///< The same, 0 if it is symmetric.
   double intensity_sd = 0;  ///< Standard deviation of one sample's intensity, counts.
   /// Mean intensity of its own samples; at.intensity is steadied by its neighbours'
   /// (reduction/steady_echoes.hpp). NaN: not known.
@@ -163,6 +164,7 @@ struct Reduced {
   bool has_intensity = false;     ///< Otherwise cells have the echo that the bench file lets expect.
   OutputSteps output_steps;       ///< In which ranges come.
   std::optional<double> wave_hz;  ///< What a lamp or a supply does at that frequency was taken off.
+  std::optional<double> vibration_hz;  ///< At which whole scans swing, with another phase in every capture.
   int left_out = 0;               ///< Cells that no mean is taken of.
   int in_clear = 0;               ///< Cells away from edges and corners, square on enough, by the bench file.
   int astray = 0;                 ///< Of these, those more than `astray_mm` off their target.

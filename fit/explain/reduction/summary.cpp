@@ -105,6 +105,13 @@ struct Powers {
     fourth += square * square;
   }
   [[nodiscard]] double variance(int n) const { return std::max(0.0, (second - first * first / n) / (n - 1)); }
+  /// 0 if the distribution is symmetric; of few samples as much as of many (Joanes and Gill 1998, G1).
+  [[nodiscard]] double skewness(int n) const {
+    const double mean = first / n, square = second / n - mean * mean;
+    if (n < 3 || square <= 1e-6) return 0;
+    const double third_moment = third / n - 3 * mean * second / n + 2 * std::pow(mean, 3);
+    return third_moment / std::pow(square, 1.5) * std::sqrt(n * (n - 1.0)) / (n - 2);
+  }
   /// 3 if the distribution is normal, however few the samples (Joanes and Gill 1998: of n normal samples it
   /// comes out as 3 (n - 1) / (n + 1)).
   [[nodiscard]] double kurtosis(int n) const {
@@ -142,6 +149,7 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
   if (cell.n > 0) cell.mean_mm = middle_mm + powers.first / cell.n;
   if (cell.n > 1) cell.variance_mm2 = powers.variance(cell.n);
   cell.kurtosis = powers.kurtosis(cell.n);
+  cell.skewness = powers.skewness(cell.n);
 }
 
 /// Whether samples so spread and so many may be compared with a surface.

@@ -185,6 +185,43 @@ TEST_CASE("two captures that were exchanged are told and left out") {
   CHECK(notes(e, "capture 6 fits with the stage at 150 deg, not at 90"));
 }
 
+TEST_CASE("boards in the open seen from a stop that was mistyped by a step of the grid move nowhere") {
+  // From 15 deg aside one board stands about where another should.
+  plain_bench::PlainScene scene{.walls = {{{1400, -300}, {1400, 300}},
+                                          {{-300, 1800}, {500, 2100}},
+                                          {{-1100, -400}, {-1500, 300}},
+                                          {{500, -700}, {1100, -1000}}},
+                                .steps = 1081,
+                                .front_step = 540,
+                                .step_deg = 0.25};
+  const SyntheticRecording seen =
+      plain_bench::recorded(scene, 8, [](double, double, double) { return plain_bench::Deviation{}; });
+  const auto is_exchanged = GENERATE(false, true);
+  const auto stated_deg = [&](int stop) { return 15.0 * (stop - 6); };
+  const auto true_deg = [&](int stop) {
+    if (is_exchanged) return stated_deg(stop == 3 ? 4 : stop == 4 ? 3 : stop);
+    return stated_deg(stop) - (stop == 8 ? 15 : 0);
+  };
+  SyntheticRecording recording(seen.bench(),
+                               [&](fit::CaptureInfo capture, std::int64_t seq, auto& range, auto& counts) {
+                                 capture.stage_rad = true_deg(static_cast<int>(capture.id) - 1) * degree;
+                                 seen.maker()(capture, seq, range, counts);
+                               });
+  for (int stop = 0; stop < 13; ++stop) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = stated_deg(stop) * degree;
+    capture.approach = 1;
+    capture.last_step = scene.steps - 1;
+    capture.since_power_on_s = 1800 + 20 * stop;
+    recording.add(capture, 10);
+  }
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  CHECK(notes(e, is_exchanged ? "capture 4 fits with the stage at -30 deg, not at -45"
+                              : "capture 9 fits with the stage at 15 deg, not at 30"));
+}
+
 TEST_CASE("a stage that slips by a degree half way moves nothing else") {
   std::vector<Stop> stops = stops_all_round(12);
   for (std::size_t i = 6; i < stops.size(); ++i) stops[i].true_deg += 1;
