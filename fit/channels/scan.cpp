@@ -72,8 +72,11 @@ class Scans final : public model::NormalRows {
   void expect_wave(double hz, bool of_lamp) {
     std::map<int, Index> of_group;
     for (const ScanPart& p : parts_) of_group.try_emplace(p.group, static_cast<Index>(of_group.size()));
+    constexpr std::size_t most_groups = 60;  // computing time
+    if (of_group.size() > most_groups) return;
     Eigen::MatrixXd waves = Eigen::MatrixXd::Zero(rows(), 4 * static_cast<Index>(of_group.size()));
-    constexpr double angle_rad = numbers::form_deg * rad_per_deg / numbers::form_mm;  // as usual as a mm
+    constexpr double angle_rad =
+        numbers::form_deg * rad_per_deg / numbers::form_mm;  // the prior is that of a mm
     for (Index i = 0; i < rows(); ++i) {
       const double turn = 2 * pi * hz * part(i).at.since_move_s, of_range = part(i).of_angle ? 0 : 1,
                    of_angle = of_lamp ? 1 - of_range : part(i).lever_mm * angle_rad;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,38 +22,55 @@ struct ShapeOfNoise {
   Estimate skewness{0, 1}, kurtosis{3, 1};
 };
 
-/// Where noise is wide enough to show it in whole millimetres, and nothing known changes from scan to scan.
-ShapeOfNoise shape_of_noise(const Reduced& reduced) {
-  constexpr int fewest_samples = 8, fewest_cells = 20;
-  constexpr double least_mm2 = 2, most_of_scans = 0.05;
-  if (reduced.output_steps.step_mm > 1 || reduced.wave_hz) return {};
-  struct Sums {
-    double weight = 0, value = 0, square = 0;
-    int cells = 0;
-    void add(double w, double v) {
-      weight += w;
-      value += w * v;
-      square += w * v * v;
-      ++cells;
-    }
-    [[nodiscard]] Estimate mean() const {
-      const double mean = value / weight;
-      return {mean, std::sqrt(std::max(0.0, square / weight - mean * mean) / cells)};
-    }
-  } skewness, kurtosis;
-  for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || cell.n < fewest_samples || cell.variance_mm2 < least_mm2 || !(cell.pooled_mm2 > 0) ||
-        cell.of_scans_mm2 > most_of_scans * cell.variance_mm2)
-      continue;
-    // Of few skewed samples the own variance goes with the third moment: by the neighbours' it is unbiased.
-    skewness.add(cell.n, cell.skewness * std::pow(cell.variance_mm2 / cell.pooled_mm2, 1.5));
-    kurtosis.add(cell.n, cell.kurtosis);
+/// The mean over captures, and its uncertainty by how they differ: what scans draw for all beams makes all
+/// cells of one alike.
+class MeanOfCaptures {
+ public:
+  void add(int capture, double weight, double value) {
+    auto& [weights, sum] = captures_[capture];
+    weights += weight;
+    sum += weight * value;
   }
-  if (skewness.cells < fewest_cells) return {};
-  return {skewness.mean(), kurtosis.mean()};
+  [[nodiscard]] std::optional<Estimate> mean() const {
+    constexpr std::size_t fewest = 4;
+    if (captures_.size() < fewest) return {};
+    const auto count = static_cast<double>(captures_.size());
+    double sum = 0, squares = 0;
+    for (const auto& [capture, own] : captures_) {
+      sum += own.second / own.first;
+      squares += std::pow(own.second / own.first, 2);
+    }
+    const double mean = sum / count;
+    return Estimate{mean, std::sqrt(std::max(0.0, squares / count - mean * mean) / (count - 1))};
+  }
+
+ private:
+  std::map<int, std::pair<double, double>> captures_;
+};
+
+/// Where noise is wide enough to show it in whole millimetres, and most of it is each beam's own: nothing
+/// swings or is drawn from scan to scan.
+ShapeOfNoise shape_of_noise(const Reduced& reduced, const MeanNoise& noise) {
+  constexpr int fewest_samples = 8;
+  constexpr double least_mm2 = 2, most_of_scans = 0.05;
+  if (reduced.output_steps.step_mm > 1 || reduced.wave_hz || reduced.vibration_hz) return {};
+  MeanOfCaptures skewness, kurtosis;
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.smooth || cell.n < fewest_samples || cell.variance_mm2 < least_mm2 || !(cell.pooled_mm2 > 0))
+      continue;
+    const double of_scans = cell.of_scans_mm2 + noise.scan_range_mm2 +
+                            std::pow(cell.sight.stage_lever(), 2) * noise.scan_angle_rad2;
+    if (of_scans > most_of_scans * cell.variance_mm2) continue;
+    const int capture = reduced.group_of(cell).capture;
+    // Of few skewed samples the own variance goes with the third moment: by the neighbours' it is unbiased.
+    skewness.add(capture, cell.n, cell.skewness * std::pow(cell.variance_mm2 / cell.pooled_mm2, 1.5));
+    kurtosis.add(capture, cell.n, cell.kurtosis);
+  }
+  const auto s = skewness.mean(), k = kurtosis.mean();
+  return s && k ? ShapeOfNoise{*s, *k} : ShapeOfNoise{};
 }
 
-/// What of a shape strains what usual noise has by more than a form costs, if that is certain.
+/// Tells a shape that lies so far beyond usual noise that a form would cost less, if that is certain.
 void add_if_odd(double beyond, double u, const std::string& describes, std::vector<Unexplained>& list) {
   constexpr double certain = 5;
   const double strain = beyond / numbers::usual_shape;
@@ -91,8 +109,7 @@ class Variances final : public model::GammaRows {
     return "Every beam has noise of its own: its variance differs from that of its neighbours by " +
            rounded(100 * std::sqrt(own_.variance), 2) +
            " % (standard deviation), in all captures alike. More noise of some beams counts as something "
-           "else "
-           "only beyond that.";
+           "else only beyond that.";
   }
 
   [[nodiscard]] std::vector<Unexplained> strained() const {
@@ -162,7 +179,7 @@ model::ChannelKind make_variance() {
     const model::NoiseOfBeams own = model::noise_of_beams(reduced);
     auto rows = variance_rows(reduced, noise, own);
     if (rows.size() < 3) return nullptr;
-    return std::make_unique<Variances>(std::move(rows), own, shape_of_noise(reduced), reduced.bench);
+    return std::make_unique<Variances>(std::move(rows), own, shape_of_noise(reduced, noise), reduced.bench);
   };
   kind.strained = [](const model::ChannelRows& rows, const Eigen::VectorXd&) {
     return static_cast<const Variances&>(rows).strained();

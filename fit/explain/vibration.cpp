@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/scans.hpp"
 
 namespace fit::explain {
@@ -92,22 +93,27 @@ std::optional<double> vibration(const Reduced& reduced, SpreadResult& result) {
     const Line of_rest =
                    strongest(rest, seen_hz - resolved_hz / 3, seen_hz + resolved_hz / 3, resolved_hz / 30),
                line = strongest(series, seen_hz - resolved_hz, seen_hz + resolved_hz, resolved_hz / 100);
-    // Of noise two degrees of freedom of every block.
-    const double by_chance = 2 * static_cast<double>(series.blocks.size()) / series.scans;
-    if (of_rest.share < least_share + 2 * by_chance || line.share < most) continue;
-    most = line.share;
+    // Noise has two degrees of freedom in every block, and the best of all frequencies was taken.
+    const auto blocks = static_cast<double>(rest.blocks.size());
+    const double tried = 3 * rest.nyquist_hz() / resolved_hz, by_chance = 2 * blocks / rest.scans,
+                 gain = -rest.scans / 2 * std::log(1 - std::min(0.99, of_rest.share)),
+                 price = blocks + 4 * std::sqrt(blocks) + std::log(tried / numbers::forms_expected) +
+                         std::log(numbers::named_at / (1 - numbers::named_at));
+    if (of_rest.share < least_share + by_chance || gain < price || line.share < by_chance || gain < most)
+      continue;
+    most = gain;
     found = line.hz;
     const double amplitude =
         series.unit * std::sqrt(2 * (line.share - by_chance) * series.squares / series.scans);
     u.observable = Observable::range_mean;
     u.coordinate = Coordinate::time;
-    u.gain = series.scans / 2 * -std::log(1 - std::min(0.99, line.share - by_chance));
+    u.gain = gain - price;
+    const std::string at =
+        rounded(line.hz, 4) +
+        " Hz (or one that looks like it from scan to scan), with another phase in every capture";
     u.describes = of_angle ? "the stage's angle swings by " + rounded(amplitude * deg_per_rad, 2) +
-                                 " deg at " + rounded(line.hz, 4) +
-                                 " Hz, as whole scans show it, with another phase in every capture: stage or "
-                                 "mount vibrate"
-                           : "ranges of whole scans swing by " + rounded(amplitude, 2) + " mm at " +
-                                 rounded(line.hz, 4) + " Hz, with another phase in every capture";
+                                 " deg at " + at + ": stage or mount vibrate"
+                           : "ranges of whole scans swing by " + rounded(amplitude, 2) + " mm at " + at;
   }
   if (found) result.unknown.push_back(std::move(u));
   return found;

@@ -5,7 +5,8 @@
 
 namespace fit::explain::forms {
 
-// It grows evenly in time: what drifts. Along other coordinates that has names, such as scales. `at`: where it is zero, the middle; `length`: from there to the ends.
+// It grows evenly in time: what drifts. What grows evenly along other coordinates is a scale, which has a
+// name. `at`: where it is zero, the middle; `length`: from there to the ends.
 Form make_trend() {
   Form f;
   f.id = "trend";

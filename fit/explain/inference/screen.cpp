@@ -39,7 +39,8 @@ class Question : Approximation {
     for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
     for (std::size_t i = 0; i < terms.size(); ++i) {
       const double price = price_of(terms[i]);
-      asked_.push_back({logs[i] - price, std::move(terms[i]), price});
+      logs[i] -= price;
+      asked_.push_back({logs[i], std::move(terms[i]), price});
     }
     if (kind_->mechanism->any_curve) keep_places();
     const double places = kind_->bins ? combs() : static_cast<double>(logs.size());
@@ -132,7 +133,7 @@ class Question : Approximation {
   struct Asked {
     double log_evidence;
     Term term;
-    double price = 0;  ///< Minus the log of its times' prior probability.
+    double price = 0;  ///< Minus the log of the prior probability of its times and its choice.
   };
 
   /// Of two things that a recording may not tell apart one is the usual one.

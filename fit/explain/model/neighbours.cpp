@@ -199,9 +199,11 @@ std::map<double, OwnShare> own_shares(const Reduced& reduced) {
 
 NoiseOfBeams noise_of_beams(const Reduced& reduced) {
   constexpr std::size_t fewest_beams = 30;
-  constexpr double of_difference = 1.5,       // a beam's own against the mean of two others
-      of_median = 1.4826,                     // a normal deviation's absolute value
-      own_by_own = 2 * 2.72 * of_difference;  // of the variance by a median; neighbours share terms
+  constexpr double of_difference = 1.5,  // a beam's own against the mean of two others
+      of_median = 1.4826,                // a normal deviation's absolute value
+      // Squared relative standard error of the variance from one beam: by a median it is 2.72 times that by a
+      // mean, and neighbours share terms.
+      of_one = 2 * 2.72 * of_difference;
   const std::map<double, OwnShare> shares = own_shares(reduced);
   if (shares.size() < fewest_beams) return {};
   std::vector<double> sizes;
@@ -213,7 +215,7 @@ NoiseOfBeams noise_of_beams(const Reduced& reduced) {
   }
   const auto beams = static_cast<double>(shares.size());
   const double seen = std::pow(of_median * median_of(std::move(sizes)), 2), own = seen - chance / beams;
-  if (own < 3 * seen * std::sqrt(own_by_own / beams)) return {};
+  if (own < 3 * seen * std::sqrt(of_one / beams)) return {};
   return {own / of_difference, captures / beams};
 }
 

@@ -9,8 +9,8 @@
 /// What drivers and networks do to scans.
 namespace fit::explain::reduction {
 
-/// Scans that were delivered more than once: the same as the one before to the last millimetre and count, as
-/// no noise lets two scans be.
+/// Scans that were delivered more than once: the same as the one before to the last millimetre and count,
+/// with so many echoes that noise lets no two scans be alike.
 class RepeatedScans {
  public:
   /// Whether it is the one before again; of one capture, in order.
@@ -23,7 +23,8 @@ class RepeatedScans {
 };
 
 /// As if no beam had looked where a scan breaks off or sets in late: where nothing at all came back, though
-/// the other scans have echoes there. Losses of echoes are not so many at once. Returns the number of scans.
+/// the other scans have echoes there. Losses of echoes are not so many at once; what happens to more than a
+/// fifth of the scans is something else. Returns how often.
 int do_not_look_beyond_breaks(Samples& samples);
 
 }  // namespace fit::explain::reduction

@@ -100,29 +100,41 @@ std::optional<double> apart_mm(std::span<const Cell> cells, std::size_t i) {
 
 Sectors leave_out_odd_beams(Reduced& reduced) {
   constexpr double least_mm = 10, far = 10, often = 0.2;
-  constexpr std::ptrdiff_t fewest_captures = 3;
-  std::map<long, std::vector<double>> off_mm;
-  std::map<long, double> beams;
+  constexpr std::size_t fewest_stops = 3;  // from which it cannot look at the same place
+  struct Beam {
+    double rad = 0;
+    std::vector<std::pair<double, double>> apart;  // stage angle, and mm
+  };
+  std::map<long, Beam> beams;
   std::vector<double> all;
   for (const Group& group : reduced.groups) {
     const auto cells = std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (const auto mm = apart_mm(cells, i)) {
-        off_mm[beam_of(cells[i])].push_back(*mm);
-        beams[beam_of(cells[i])] = cells[i].beam_rad;
-        all.push_back(*mm);
+        Beam& beam = beams[beam_of(cells[i])];
+        beam.rad = cells[i].beam_rad;
+        beam.apart.emplace_back(group.stage_rad, *mm);
+        if (*mm > 0) all.push_back(*mm);
       }
   }
-  std::erase(all, 0.0);
   const double usual_mm = std::max(least_mm, far * median_of(std::move(all)));
-  std::erase_if(beams, [&](const auto& beam) {
-    const std::vector<double>& list = off_mm.at(beam.first);
-    const auto odd = std::ranges::count_if(list, [&](double mm) { return mm > usual_mm; });
-    return odd < fewest_captures || static_cast<double>(odd) < often * static_cast<double>(list.size());
-  });
+  std::map<long, double> odd;
+  for (const auto& [number, beam] : beams) {
+    std::set<double> stops, odd_at;
+    for (const auto& [stage_rad, mm] : beam.apart) {
+      stops.insert(stage_rad);
+      if (mm > usual_mm) odd_at.insert(stage_rad);
+    }
+    if (odd_at.size() >= fewest_stops &&
+        static_cast<double>(odd_at.size()) >= often * static_cast<double>(stops.size()))
+      odd[number] = beam.rad;
+  }
   for (Cell& cell : reduced.cells)
-    if (beams.contains(beam_of(cell))) cell.leave_out();
-  return sectors_of(beams, reduced);
+    if (odd.contains(beam_of(cell))) {
+      cell.leave_out();
+      cell.n = 0;
+    }
+  return sectors_of(odd, reduced);
 }
 
 }  // namespace fit::explain::reduction

@@ -16,8 +16,8 @@ using Sectors = std::vector<std::pair<double, double>>;
 /// Returns where they are.
 Sectors leave_out_dead_beams(Reduced& reduced);
 
-/// Takes single beams out that read otherwise than those beside them on the same surface, in three
-/// captures or more, and a fifth of all: by far more than beams differ elsewhere. Returns where they are.
+/// Takes single beams out that read otherwise than those beside them on the same surface, from three stops of
+/// the stage or more, and a fifth of all: by far more than beams differ elsewhere. Returns where they are.
 Sectors leave_out_odd_beams(Reduced& reduced);
 
 }  // namespace fit::explain::reduction

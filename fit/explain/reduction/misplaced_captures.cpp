@@ -24,8 +24,9 @@ double allowed_mm(const Bench& bench, const Sight& sight) {
   return usual_mm + doubt_of_mount * misplaced_mm(bench, sight);
 }
 
-/// The beams of a capture that should meet a target and are about as far from it as they measure; 1 of none.
-double share_that_fits(const Reduced& reduced, const Group& group) {
+/// The beams of a capture that should meet a target and are about as far from it as they measure; none of too
+/// few.
+std::optional<double> share_that_fits(const Reduced& reduced, const Group& group) {
   double all = 0, fits = 0;
   for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
     const Cell& cell = reduced.cells[i];
@@ -33,7 +34,9 @@ double share_that_fits(const Reduced& reduced, const Group& group) {
     ++all;
     fits += cell.n > 0 && std::abs(cell.mean_mm - cell.nominal_mm) < allowed_mm(reduced.bench, cell.sight);
   }
-  return all > 0 ? fits / all : 1;
+  constexpr double enough = 20;
+  if (all < enough) return {};
+  return fits / all;
 }
 
 /// What one beam measured, on median; 0: mostly no echo.
@@ -141,10 +144,25 @@ std::pair<const Recording*, std::size_t> recording_of(const std::vector<const Re
   return {recordings.back(), recordings.back()->captures().size() - 1};
 }
 
+/// Several captures that are off by the same angle were not mistyped: the stage slipped, and physics says so.
+void leave_slips(const Reduced& reduced, std::vector<MisplacedCapture>& misplaced) {
+  constexpr std::ptrdiff_t several = 3;
+  const auto off_rad = [&](const MisplacedCapture& one) {
+    return wrap_angle(one.stage_rad - reduced.captures[static_cast<std::size_t>(one.capture)].stage_rad);
+  };
+  const std::vector<MisplacedCapture> all = misplaced;
+  std::erase_if(misplaced, [&](const MisplacedCapture& one) {
+    return off_rad(one) != 0 && std::ranges::count_if(all, [&](const MisplacedCapture& other) {
+                                  return std::abs(wrap_angle(off_rad(one) - off_rad(other))) < 2.5 * step_rad;
+                                }) >= several;
+  });
+}
+
 }  // namespace
 
 std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced,
                                                  const std::vector<const Recording*>& recordings) {
+  constexpr std::size_t most_asked = 100;  // computing time
   std::vector<double> shares;
   std::vector<const Group*> do_not_fit;
   std::set<double> stages_rad, shifts_mm;
@@ -155,8 +173,10 @@ std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced,
     shifts_mm.insert(capture.target_shift_mm);
     if (group.capture == before || is_turning(capture)) continue;
     before = group.capture;
-    shares.push_back(share_that_fits(reduced, group));
-    if (shares.back() < most) do_not_fit.push_back(&group);
+    const auto share = share_that_fits(reduced, group);
+    if (!share) continue;
+    shares.push_back(*share);
+    if (*share < most && do_not_fit.size() < most_asked) do_not_fit.push_back(&group);
   }
   std::vector<MisplacedCapture> misplaced;
   if (shares.empty() || median_of(shares) < most) return misplaced;
@@ -165,6 +185,7 @@ std::vector<MisplacedCapture> misplaced_captures(const Reduced& reduced,
     const Stop stop(reduced, *group, looks_of(*recording, index));
     if (const auto found = stop.elsewhere(stages_rad, shifts_mm)) misplaced.push_back(*found);
   }
+  leave_slips(reduced, misplaced);
   return misplaced;
 }
 

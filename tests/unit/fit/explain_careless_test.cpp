@@ -236,6 +236,16 @@ TEST_CASE("a stage that slips by a degree half way moves nothing else") {
   CHECK((by_mount || by_stage));
 }
 
+TEST_CASE("a stage that slips by several degrees half way has no mistyped captures") {
+  std::vector<Stop> stops = stops_all_round(12);
+  for (std::size_t i = 7; i < stops.size(); ++i) stops[i].true_deg += 4;
+  const SyntheticRecording recording = recorded(stops, 5, {}, 3);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK_FALSE(notes(e, "What is recorded of where things stood is wrong"));
+  CHECK(e.verdict != fit::explain::nothing_missing);
+}
+
 TEST_CASE("a knock is looked for while the session was recorded") {
   const SyntheticRecording recording = recorded(stops_all_round(8), 10, {}, 4);
   fit::explain::Reduced reduced = fit::explain::reduce(recording, {});

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What whole scans have in common.
+#include <Eigen/Dense>
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
