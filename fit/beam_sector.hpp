@@ -28,9 +28,14 @@ namespace fit {
           .starts = 4};
 }
 
-/// How far a beam lies from the middle, in widths of the sector.
+/// How far a direction lies from the middle, deg.
+[[nodiscard]] inline double deg_from_centre(double direction_rad, double centre_deg) {
+  return wrap_angle(direction_rad - centre_deg * rad_per_deg) * deg_per_rad;
+}
+
+/// How far a beam does, in widths of the sector.
 [[nodiscard]] inline double widths_from_centre(const Circumstances& c, double centre_deg, double width_deg) {
-  return wrap_angle(c.beam_rad - centre_deg * rad_per_deg) * deg_per_rad / width_deg;
+  return deg_from_centre(c.beam_rad, centre_deg) / width_deg;
 }
 
 /// How a sector ends: softly, as a bell does (2), or the more sharply the larger it is.

@@ -117,16 +117,14 @@ std::string note_on_odd_beams(const reduction::Sectors& odd) {
 
 std::string note_on_scans(const Reduced& reduced) {
   std::string text;
-  const double scans = std::max(1, reduced.scans);
-  const auto percent = [&](int count) { return rounded(100 * count / scans, 2) + " %"; };
   if (reduced.repeated > 0)
     text = "Scans came more than once, the same to the last millimetre: " + std::to_string(reduced.repeated) +
            " beside " + std::to_string(reduced.scans) + ". Each counts once. ";
   if (reduced.broken > 0)
-    text +=
-        percent(reduced.broken) +
-        " of the scans break off or set in late: nothing came back there at once, where others have echoes. "
-        "These parts were left out. ";
+    text += rounded(100.0 * reduced.broken / reduced.scans, 2) +
+            " % of the scans break off or set in late: nothing came back there at once, where others have "
+            "echoes. "
+            "These parts were left out. ";
   if (!text.empty()) text += "Look at the driver, the network and the load of the computer.";
   return text;
 }

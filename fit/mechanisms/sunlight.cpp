@@ -26,7 +26,7 @@ Parameter centre_all_around() {
 }
 
 double away_deg(const Circumstances& c, double centre_deg, double in_room) {
-  return wrap_angle(c.beam_rad + in_room * c.stage_rad - centre_deg * rad_per_deg) * deg_per_rad;
+  return deg_from_centre(c.beam_rad + in_room * c.stage_rad, centre_deg);
 }
 
 std::string on_weak_echoes(const Finding& f) {

@@ -260,8 +260,7 @@ class LeftByOthers {
     if (best.hypothesis.terms.size() < 2) return;
     for (std::size_t t = 0; t < best.hypothesis.terms.size(); ++t) {
       const Term& term = best.hypothesis.terms[t];
-      if (const double share = share_left(best, t); !is_form(term) && share > 0)
-        add(term, share, without(term.kind));
+      if (const double share = share_left(best, t); share > 0) add(term, share, without(term.kind));
     }
   }
 
@@ -336,9 +335,7 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 }  // namespace
 
 double share_left(const Fitted& best, std::size_t term) {
-  const Kind& kind = *best.hypothesis.terms[term].kind;
-  if (kind.is_form()) return numbers::function_error;
-  const double error = kind.mechanism->formula_error;
+  const double error = best.hypothesis.terms[term].kind->mechanism->formula_error;
   return best.design.blocks[term].deviations > 0 ? error * error : error;
 }
 

@@ -10,8 +10,8 @@ namespace fit::explain::inference {
 /// how much less a formula leaves open is no evidence between two names of one thing.
 void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior);
 
-/// The share of its cause that a term of the best hypothesis leaves: what its formula, or a function that
-/// nobody stated, errs by; where smooth deviations of a formula are in the model, that share of it.
+/// The share of its cause that the formula of a term of the best hypothesis leaves: what it errs by; where
+/// its smooth deviations are in the model, that share of it. A form has no formula.
 [[nodiscard]] double share_left(const Fitted& best, std::size_t term);
 
 }  // namespace fit::explain::inference

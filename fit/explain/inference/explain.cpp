@@ -127,6 +127,7 @@ double left_by_named(const Fitted& best, const Inferred& inferred) {
 
 /// What the bench file and its tables can say of channels beside the means.
 void restate(const Session& session, const Fitted& nothing, const Fitted& best, Inferred& out) {
+  const double left = left_by_named(best, out);
   for (std::size_t c = 0; c < session.channels().size(); ++c) {
     const auto& rows = session.channels()[c];
     const model::ChannelKind& channel = model::channel_kinds()[c];
@@ -136,7 +137,7 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
         out.notes.push_back(std::move(note));
     if (channel.strained)
       std::ranges::copy_if(channel.strained(*rows, best.optimum.eta[c]), std::back_inserter(out.beside),
-                           [&](const Unexplained& u) { return u.gain > left_by_named(best, out); });
+                           [&](const Unexplained& u) { return u.gain > left; });
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
   out.tables = tables_of(session, best, out.posterior);
