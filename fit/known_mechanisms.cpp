@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "fit/mechanism.hpp"
 
 namespace fit {

@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "fit/find_by_id.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 
 namespace fit::mechanisms {
 std::vector<Mechanism> all();

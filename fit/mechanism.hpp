@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/angle.hpp"
-#include "fit/estimate.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/estimate.hpp"
 
 namespace fit {
 
@@ -255,7 +255,7 @@ struct Mechanism {
 [[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
 
 /// "0.1210 ± 0.0042 deg": with its expanded uncertainty (k = 2), to the second digit of that
-/// (fit/number_format.hpp).
+/// (fit/numeric/number_format.hpp).
 [[nodiscard]] std::string with_uncertainty(const Estimate& estimate, const std::string& unit);
 [[nodiscard]] std::string rounded(double value, int digits = 3);
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 
 namespace fit {
 

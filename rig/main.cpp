@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "rig/command.hpp"
 #include "rig/errors.hpp"
 #include "rig/session/session_file.hpp"

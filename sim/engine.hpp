@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 
 namespace sim {
 

@@ -8,7 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "fit/empirical.hpp"
+#include "fit/bench/empirical.hpp"
 #include "sim/model_engine.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/world.hpp"

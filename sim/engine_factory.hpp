@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "sim/engine.hpp"
 
 namespace sim {

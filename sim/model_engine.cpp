@@ -7,11 +7,11 @@
 #include <limits>
 #include <stdexcept>
 
-#include "fit/empirical.hpp"
+#include "fit/bench/empirical.hpp"
+#include "fit/bench/radiometer.hpp"
+#include "fit/bench/scene.hpp"
 #include "fit/known_mechanisms.hpp"
 #include "fit/mechanism.hpp"
-#include "fit/radiometer.hpp"
-#include "fit/scene.hpp"
 #include "sim/polar_random.hpp"
 #include "sim/simple_engine.hpp"
 #include "sim/stage_follower.hpp"

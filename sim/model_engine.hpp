@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "sim/engine.hpp"
 
 namespace sim {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "sim/stage_device.hpp"
 
 namespace sim {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "lidar/request.hpp"
 #include "sim/engine.hpp"
 #include "sim/ust_clock.hpp"

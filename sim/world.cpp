@@ -10,8 +10,8 @@
 #include <set>
 #include <stdexcept>
 
-#include "fit/angle.hpp"
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace sim {
 namespace {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "sim/engine.hpp"
 
 namespace sim {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/model/transitions.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

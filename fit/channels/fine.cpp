@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

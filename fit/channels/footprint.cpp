@@ -10,7 +10,7 @@
 
 #include "fit/explain/model/edge_light.hpp"
 #include "fit/explain/model/transitions.hpp"
-#include "fit/straight_line.hpp"
+#include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain::channels {
 namespace {

@@ -5,9 +5,9 @@
 #include <functional>
 #include <map>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/readings.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/model/near_edges.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/hypothesis.hpp"
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/hypothesis.hpp"
 #include "fit/explain/model/rough_surfaces.hpp"
 #include "fit/explain/model/shared_errors.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

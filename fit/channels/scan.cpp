@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/neighbours.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/shared_errors.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 namespace {

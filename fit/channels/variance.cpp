@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/gamma.hpp"
 #include "fit/explain/model/neighbours.hpp"
-#include "fit/explain/stated_noise.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain::channels {
 namespace {

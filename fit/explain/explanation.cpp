@@ -8,13 +8,13 @@
 #include <utility>
 
 #include "fit/explain/answer/chapters.hpp"
-#include "fit/explain/coarse_steps.hpp"
-#include "fit/explain/flicker.hpp"
+#include "fit/explain/answer/twin.hpp"
+#include "fit/explain/around/coarse_steps.hpp"
+#include "fit/explain/around/flicker.hpp"
+#include "fit/explain/around/vibration.hpp"
 #include "fit/explain/inference/explain.hpp"
 #include "fit/explain/model/transitions.hpp"
 #include "fit/explain/reading.hpp"
-#include "fit/explain/twin.hpp"
-#include "fit/explain/vibration.hpp"
 
 namespace fit::explain {
 namespace {

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/mean_result.hpp"
+#include "fit/explain/model/mean_result.hpp"
+#include "fit/explain/model/spread.hpp"
 #include "fit/explain/prediction.hpp"
-#include "fit/explain/spread.hpp"
 
 namespace fit::explain {
 

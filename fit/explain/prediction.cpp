@@ -7,11 +7,11 @@
 #include <optional>
 #include <stdexcept>
 
+#include "fit/explain/inference/runs.hpp"
 #include "fit/explain/model/term.hpp"
-#include "fit/explain/runs.hpp"
-#include "fit/explain/stated_noise.hpp"
-#include "fit/explain/together.hpp"
-#include "fit/linear_table.hpp"
+#include "fit/explain/reduction/together.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
+#include "fit/numeric/linear_table.hpp"
 
 namespace fit::explain {
 namespace {

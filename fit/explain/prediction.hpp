@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/explain/mean_result.hpp"
-#include "fit/explain/spread.hpp"
+#include "fit/explain/model/mean_result.hpp"
+#include "fit/explain/model/spread.hpp"
 
 namespace fit::explain {
 

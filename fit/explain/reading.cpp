@@ -12,8 +12,8 @@
 #include "fit/explain/reduction/misplaced_captures.hpp"
 #include "fit/explain/reduction/openings.hpp"
 #include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/single_beams.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
-#include "fit/explain/single_beams.hpp"
 
 namespace fit::explain {
 namespace {

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/selected_captures.hpp"
-#include "fit/explain/together.hpp"
+#include "fit/explain/reduction/reduce.hpp"
+#include "fit/explain/reduction/selected_captures.hpp"
+#include "fit/explain/reduction/together.hpp"
 
 namespace fit::explain {
 

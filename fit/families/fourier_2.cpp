@@ -2,8 +2,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "fit/angle.hpp"
-#include "fit/family.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/range/family.hpp"
 
 namespace fit::families {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/family.hpp"
+#include "fit/range/family.hpp"
 
 namespace fit::families {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/family.hpp"
+#include "fit/range/family.hpp"
 
 namespace fit::families {
 namespace {

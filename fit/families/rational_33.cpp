@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/family.hpp"
+#include "fit/range/family.hpp"
 
 namespace fit::families {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/unnamed.hpp"
+#include "fit/explain/model/unnamed.hpp"
 
 namespace fit::explain::forms {
 

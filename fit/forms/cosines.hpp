@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::forms {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/explain/unnamed.hpp"
+#include "fit/explain/model/unnamed.hpp"
 
 namespace fit::explain::forms {
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/unnamed.hpp"
+#include "fit/explain/model/unnamed.hpp"
 
 namespace fit::explain::forms {
 

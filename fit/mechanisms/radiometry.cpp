@@ -6,8 +6,9 @@
 
 namespace fit::mechanisms {
 
-// Intensity follows K rho^a cos(i)^b / r^n behind a compressing receiver (fit/radiometer.hpp), which benches
-// state under this name. As an effect of its own it is a change of that law, each size alone or with others.
+// Intensity follows K rho^a cos(i)^b / r^n behind a compressing receiver (fit/bench/radiometer.hpp), which
+// benches state under this name. As an effect of its own it is a change of that law, each size alone or with
+// others.
 Mechanism make_radiometry() {
   Mechanism m;
   m.id = "radiometry";

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/steering.hpp"
+#include "fit/motion/steering.hpp"
 
 namespace fit::steerings {
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/angle.hpp"
-#include "fit/steering.hpp"
+#include "fit/motion/steering.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::steerings {
 

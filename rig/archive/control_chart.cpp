@@ -9,7 +9,7 @@
 #include <set>
 #include <utility>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/archive/middle.hpp"
 
 namespace rig {

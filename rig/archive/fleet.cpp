@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/archive/history.hpp"
 #include "rig/archive/middle.hpp"
 #include "rig/archive/swapped.hpp"

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "fit/json_position.hpp"
-#include "fit/number_format.hpp"
+#include "fit/bench/json_position.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 
 namespace rig {

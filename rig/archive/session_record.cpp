@@ -9,7 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "fit/utf8.hpp"
+#include "fit/numeric/utf8.hpp"
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/session/lidar_identity.hpp"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/estimate.hpp"
+#include "fit/numeric/estimate.hpp"
 
 namespace rig {
 

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/commands/archive_options.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/json_fields.hpp"

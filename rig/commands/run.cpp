@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "fit/utf8.hpp"
+#include "fit/numeric/utf8.hpp"
 #include "rig/commands/device_run.hpp"
 #include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/bench_file.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/fitting/correction_source.hpp"
 #include "rig/whole_file.hpp"
 

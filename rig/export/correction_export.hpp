@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/correction.hpp"
-#include "fit/family.hpp"
+#include "fit/range/correction.hpp"
+#include "fit/range/family.hpp"
 #include "rig/export/exporter.hpp"
 
 namespace rig {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "rig/export/exporter.hpp"
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/correction_export.hpp"
 #include "rig/session/lidar_identity.hpp"

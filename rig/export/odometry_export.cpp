@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/whole_file.hpp"

@@ -8,9 +8,9 @@
 #include <cstring>
 #include <vector>
 
-#include "fit/angle.hpp"
 #include "fit/echo.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "fit/recording.hpp"
 #include "rig/errors.hpp"
 #include "rig/session/lidar_identity.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 #include "rig/output_place.hpp"
 
 namespace rig {

@@ -6,7 +6,7 @@
 #include <map>
 #include <numeric>
 
-#include "fit/dense.hpp"
+#include "fit/numeric/dense.hpp"
 #include "rig/fitting/result_document.hpp"
 
 namespace rig::centre_parts {

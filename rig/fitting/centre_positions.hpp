@@ -7,9 +7,9 @@
 #include <functional>
 #include <vector>
 
-#include "fit/accuracy.hpp"
-#include "fit/centre.hpp"
-#include "fit/selection.hpp"
+#include "fit/bench/accuracy.hpp"
+#include "fit/range/centre.hpp"
+#include "fit/range/selection.hpp"
 #include "rig/fitting/edge_source.hpp"
 
 namespace rig::centre_parts {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace rig {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <sstream>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 
 namespace rig {

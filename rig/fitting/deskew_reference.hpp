@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "fit/pose2.hpp"
+#include "fit/motion/pose2.hpp"
 #include "rig/fitting/fitting.hpp"
 
 namespace rig {

@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "fit/deskew.hpp"
-#include "fit/map_fusion.hpp"
-#include "fit/shape_at_rest.hpp"
-#include "fit/sweep_timing.hpp"
+#include "fit/motion/deskew.hpp"
+#include "fit/motion/map_fusion.hpp"
+#include "fit/motion/shape_at_rest.hpp"
+#include "fit/motion/sweep_timing.hpp"
 #include "rig/fitting/deskewing.hpp"
 
 namespace rig {

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <map>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "rig/errors.hpp"
 
 namespace rig {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/edge.hpp"
+#include "fit/range/edge.hpp"
 #include "rig/fitting/fitting.hpp"
 
 namespace rig {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "fit/echo.hpp"
-#include "fit/median.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/median.hpp"
+#include "fit/numeric/number_format.hpp"
 
 namespace rig {
 namespace {

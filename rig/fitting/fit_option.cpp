@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "fit/json_position.hpp"
-#include "fit/number_format.hpp"
+#include "fit/bench/json_position.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/text_lines.hpp"
 

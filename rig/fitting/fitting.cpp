@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "fit/json_position.hpp"
-#include "fit/number_format.hpp"
+#include "fit/bench/json_position.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/session/standing.hpp"

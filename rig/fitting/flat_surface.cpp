@@ -5,8 +5,8 @@
 #include <cmath>
 #include <map>
 
-#include "fit/angle.hpp"
-#include "fit/selection.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/range/selection.hpp"
 #include "rig/session/step_in_words.hpp"
 
 namespace rig {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 #include "fit/recording.hpp"
 
 namespace rig {

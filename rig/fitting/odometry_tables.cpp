@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/fitting/result_document.hpp"
 
 namespace rig::odometry_parts {

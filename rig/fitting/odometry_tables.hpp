@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "fit/drive.hpp"
-#include "fit/odometry.hpp"
-#include "fit/odometry_runs.hpp"
+#include "fit/motion/drive.hpp"
+#include "fit/motion/odometry.hpp"
+#include "fit/motion/odometry_runs.hpp"
 
 namespace rig::odometry_parts {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "fit/number_format.hpp"
-#include "fit/placed_anew.hpp"
+#include "fit/bench/placed_anew.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/facing_target.hpp"
 #include "rig/session/step_in_words.hpp"

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "fit/range_calibration.hpp"
+#include "fit/range/range_calibration.hpp"
+#include "fit/range/selection.hpp"
 #include "fit/recording.hpp"
-#include "fit/selection.hpp"
 #include "rig/fitting/fitting.hpp"
 
 namespace rig {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/fitting/result_document.hpp"
 
 namespace rig::range_parts {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/range_calibration.hpp"
+#include "fit/range/range_calibration.hpp"
 #include "rig/fitting/range_source.hpp"
 
 namespace rig::range_parts {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/odometry.hpp"
+#include "fit/motion/odometry.hpp"
 
 namespace rig {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "fit/accuracy.hpp"
-#include "fit/estimate.hpp"
+#include "fit/bench/accuracy.hpp"
+#include "fit/numeric/estimate.hpp"
 
 namespace rig {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace rig {
 namespace {

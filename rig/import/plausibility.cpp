@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 
 namespace rig {
 namespace {

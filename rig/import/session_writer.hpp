@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/import/plausibility.hpp"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/text_lines.hpp"
 
 namespace rig {

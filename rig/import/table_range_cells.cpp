@@ -6,7 +6,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/text_lines.hpp"
 
 namespace rig::table_rows {

@@ -13,8 +13,8 @@
 #include <string_view>
 #include <vector>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/importer.hpp"
 #include "rig/import/table_columns.hpp"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace rig {
 

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "rig/investigate/state.hpp"
 
 namespace rig::investigate {

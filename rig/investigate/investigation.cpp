@@ -8,8 +8,8 @@
 #include <iterator>
 #include <set>
 
-#include "fit/explain/forecast.hpp"
-#include "fit/explain/next_experiment.hpp"
+#include "fit/explain/experiment/forecast.hpp"
+#include "fit/explain/experiment/next_experiment.hpp"
 #include "fit/mechanism.hpp"
 #include "rig/errors.hpp"
 #include "rig/investigate/dossier_document.hpp"

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "fit/explain/experiment/forecast.hpp"
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/forecast.hpp"
 #include "rig/investigate/decision.hpp"
 
 namespace rig::investigate {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/explain/experiments.hpp"
+#include "fit/explain/experiment/experiments.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::investigate {

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/angle.hpp"
-#include "fit/pose2.hpp"
+#include "fit/motion/pose2.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/json_fields.hpp"
 
 namespace rig {

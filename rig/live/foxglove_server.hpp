@@ -8,7 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "rig/live/web_access.hpp"
 
 namespace rig {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "rig/procedure/option_check.hpp"
 
 namespace rig {

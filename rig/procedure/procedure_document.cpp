@@ -5,8 +5,8 @@
 
 #include <set>
 
-#include "fit/json_position.hpp"
-#include "fit/utf8.hpp"
+#include "fit/bench/json_position.hpp"
+#include "fit/numeric/utf8.hpp"
 
 namespace rig {
 namespace {

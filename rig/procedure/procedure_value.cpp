@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 
 namespace rig {
 namespace {

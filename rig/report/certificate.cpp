@@ -8,9 +8,9 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "fit/accuracy.hpp"
-#include "fit/bench.hpp"
-#include "fit/number_format.hpp"
+#include "fit/bench/accuracy.hpp"
+#include "fit/bench/bench.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/certificate_identity.hpp"
 #include "rig/report/certificate_rows.hpp"

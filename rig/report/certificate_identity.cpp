@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/certificate_rows.hpp"
 #include "rig/session/lidar_identity.hpp"

@@ -11,7 +11,7 @@
 #include <regex>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/plot.hpp"
 #include "rig/report/shown_numbers.hpp"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/recording_statistics.hpp"
+#include "fit/range/recording_statistics.hpp"
 
 namespace rig {
 

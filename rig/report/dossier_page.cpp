@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "fit/mechanism.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/html_text.hpp"
 #include "rig/report/plot.hpp"

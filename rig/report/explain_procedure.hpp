@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "fit/explain/next_experiment.hpp"
+#include "fit/explain/experiment/next_experiment.hpp"
 
 namespace rig {
 

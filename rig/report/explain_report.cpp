@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/coordinate_in_words.hpp"
 #include "rig/report/html_text.hpp"

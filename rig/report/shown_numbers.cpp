@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 
 namespace rig {

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/report/certificate_rows.hpp"
 #include "rig/report/coordinate_in_words.hpp"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/lidar_doubts.hpp"

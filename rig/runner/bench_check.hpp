@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "rig/runner/lidar_source.hpp"
 #include "rig/runner/runner.hpp"
 #include "rig/stage/stage.hpp"

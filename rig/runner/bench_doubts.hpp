@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 
 namespace rig {
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "rig/stage/stage_factory.hpp"
 
 namespace rig {

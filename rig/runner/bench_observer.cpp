@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 #include "rig/runner/echoes.hpp"
 #include "rig/runner/granted_targets.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace rig {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 
 namespace rig {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/runner/device_lock.hpp"
 #include "rig/runner/failures.hpp"
 #include "rig/runner/lidar_doubts.hpp"

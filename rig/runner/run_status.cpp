@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "fit/utf8.hpp"
+#include "fit/numeric/utf8.hpp"
 
 namespace rig {
 namespace {

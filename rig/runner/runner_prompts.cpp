@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <span>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/runner/bench_doubts.hpp"
 #include "rig/runner/runner_impl.hpp"
 

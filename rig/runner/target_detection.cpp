@@ -7,7 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 #include "rig/procedure/procedure_value.hpp"
 
 namespace rig {

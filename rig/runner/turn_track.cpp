@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 
 namespace rig {
 namespace {

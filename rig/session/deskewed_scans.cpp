@@ -6,7 +6,7 @@
 #include <bit>
 #include <cstring>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/session/session_file.hpp"
 
 namespace rig {

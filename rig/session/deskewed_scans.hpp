@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "fit/pose2.hpp"
+#include "fit/motion/pose2.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace SQLite {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace rig {
 

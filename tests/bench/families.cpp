@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/family.hpp"
+#include "fit/range/family.hpp"
 
 namespace {
 

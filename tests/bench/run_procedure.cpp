@@ -21,7 +21,7 @@
 #include <optional>
 #include <thread>
 
-#include "fit/edge.hpp"
+#include "fit/range/edge.hpp"
 #include "lidar/response.hpp"
 #include "rig/runner/operators.hpp"
 #include "rig/runner/runner.hpp"

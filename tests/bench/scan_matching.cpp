@@ -3,8 +3,8 @@
 // form) on the same points with the same neighbour search and the same limit of iterations.
 #include <benchmark/benchmark.h>
 
-#include "fit/deskew.hpp"
-#include "fit/map_fusion.hpp"
+#include "fit/motion/deskew.hpp"
+#include "fit/motion/map_fusion.hpp"
 #include "tests/support/moving_room.hpp"
 
 namespace {

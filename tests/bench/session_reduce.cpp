@@ -7,7 +7,7 @@
 #include <fstream>
 #include <vector>
 
-#include "fit/beam_statistics.hpp"
+#include "fit/range/beam_statistics.hpp"
 #include "rig/session/session_store.hpp"
 
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // A bench file is read or refused with std::invalid_argument; what was read survives being written.
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 
 #include <cstdint>
 #include <cstdlib>

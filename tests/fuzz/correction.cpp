@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A correction is read or refused with std::invalid_argument; what was read is written and read again
 // unchanged.
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 
 #include <cstdint>
 #include <cstdlib>

@@ -5,7 +5,7 @@
 #include <optional>
 #include <random>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/report/certificate.hpp"
 #include "rig/report/certificate_page.hpp"

@@ -14,8 +14,8 @@
 #include <set>
 #include <sstream>
 
-#include "fit/correction.hpp"
-#include "fit/family.hpp"
+#include "fit/range/correction.hpp"
+#include "fit/range/family.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/fitting/apply_session.hpp"

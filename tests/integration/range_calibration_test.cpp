@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/apply_session.hpp"
 #include "rig/fitting/correction_source.hpp"

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "../unit/fit/synthetic_recording.hpp"
-#include "fit/explain/scene.hpp"
+#include "fit/explain/scene/scene.hpp"
 
 /// A room seen all round by a lidar on a stage, with something concealed: `bend` turns beams (rad), `stretch`
 /// lengthens ranges (mm); both may depend on the beam angle, the true range and the time.

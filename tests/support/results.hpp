@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "fit/estimate.hpp"
+#include "fit/numeric/estimate.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/session/session_store.hpp"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "../unit/fit/synthetic_recording.hpp"
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 
 /// A small session whose bench, captures and scans are whatever these bytes say: walls and posts anywhere,
 /// with or without uncertainties, temperatures, times and intensities; ranges near what a wall would give, or

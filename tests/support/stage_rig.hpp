@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/stage/stage_factory.hpp"
 #include "sim/pty_port.hpp"
 #include "sim/stage_device.hpp"

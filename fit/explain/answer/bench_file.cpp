@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
-#include "fit/explain/stated_noise.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::answer {
 namespace {

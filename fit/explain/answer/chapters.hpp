@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/explain/answer/findings.hpp"
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/findings.hpp"
 
 /// The chapters of an answer, in their order. Each adds to the explanation what it has to tell: mechanisms
 /// with their entries in the bench, undecided sets, what is unknown, places, notes.

@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "fit/angle.hpp"
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::answer {
 namespace {

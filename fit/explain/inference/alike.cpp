@@ -9,8 +9,8 @@
 #include <numeric>
 #include <set>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/screen.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::inference {
 namespace {

@@ -4,8 +4,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/spread.hpp"
+#include "fit/explain/model/spread.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::inference {
 

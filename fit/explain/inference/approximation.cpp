@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/products.hpp"
+#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 

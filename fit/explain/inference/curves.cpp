@@ -6,7 +6,7 @@
 #include <numeric>
 #include <set>
 
-#include "fit/explain/stated_noise.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain::inference {
 namespace {

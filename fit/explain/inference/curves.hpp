@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "fit/explain/inference/posterior.hpp"
-#include "fit/explain/spread.hpp"
+#include "fit/explain/model/spread.hpp"
 
 namespace fit::explain::inference {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/empirical.hpp"
-#include "fit/explain/answer/findings.hpp"
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/inference/findings.hpp"
 #include "fit/explain/inference/posterior.hpp"
 
 namespace fit::explain::inference {

@@ -6,8 +6,8 @@
 #include <optional>
 #include <utility>
 
-#include "fit/dense.hpp"
-#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/numeric/dense.hpp"
 
 namespace fit::explain::inference {
 

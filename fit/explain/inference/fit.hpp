@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/explain/inference/gaussian.hpp"
 #include "fit/explain/inference/optimum.hpp"
+#include "fit/explain/model/gaussian.hpp"
 
 namespace fit::explain::inference {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/inference/numbers.hpp"
-#include "fit/products.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 namespace {

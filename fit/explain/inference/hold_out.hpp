@@ -2,7 +2,7 @@
 #pragma once
 
 #include "fit/explain/inference/fit.hpp"
-#include "fit/explain/mean_result.hpp"
+#include "fit/explain/model/mean_result.hpp"
 
 namespace fit::explain::inference {
 

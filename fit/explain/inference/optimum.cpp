@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "fit/products.hpp"
+#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::inference {
 namespace {

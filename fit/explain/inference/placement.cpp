@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "fit/explain/reduction/edge_shares.hpp"
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::inference {
 namespace {

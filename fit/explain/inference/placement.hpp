@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "fit/explain/hypothesis.hpp"
+#include "fit/explain/model/hypothesis.hpp"
 
 namespace fit::explain::inference {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::inference {
 namespace {

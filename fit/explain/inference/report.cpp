@@ -7,8 +7,8 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/explain.hpp"
-#include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/stated_noise.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain::inference {
 namespace {

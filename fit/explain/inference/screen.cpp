@@ -9,11 +9,11 @@
 #include <optional>
 
 #include "fit/explain/inference/approximation.hpp"
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/peak.hpp"
 #include "fit/explain/inference/two_cores.hpp"
 #include "fit/explain/model/combs.hpp"
 #include "fit/explain/model/spans.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::inference {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 #include <set>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/inference/two_cores.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::inference {
 namespace {

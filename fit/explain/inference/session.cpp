@@ -5,13 +5,13 @@
 #include <cmath>
 #include <utility>
 
-#include "fit/explain/hypothesis.hpp"
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/autoregression.hpp"
+#include "fit/explain/model/hypothesis.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/model/stage_stops.hpp"
+#include "fit/explain/numbers.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"
-#include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::inference {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/runs.hpp"
+#include "fit/explain/inference/runs.hpp"
 
 namespace fit::explain::inference {
 namespace {

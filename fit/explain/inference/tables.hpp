@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fit/empirical.hpp"
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/inference/posterior.hpp"
 
 namespace fit::explain::inference {

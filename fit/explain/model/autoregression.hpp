@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "fit/explain/lag_bands.hpp"
+#include "fit/explain/reduction/lag_bands.hpp"
 
 /// Noise with memory, AR(1): of two values k steps apart the correlation is rho^k.
 namespace fit::explain::model {

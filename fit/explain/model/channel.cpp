@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/inference/numbers.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
 std::vector<model::ChannelKind> all();

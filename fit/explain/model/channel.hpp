@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/mean_model.hpp"
-#include "fit/explain/spread.hpp"
+#include "fit/explain/model/mean_model.hpp"
+#include "fit/explain/model/spread.hpp"
 
 /// The statistical model of docs/method/model.md: rows in channels, and what acts on them.
 namespace fit::explain::model {
@@ -121,7 +121,7 @@ struct ChannelKind {
   bool of_predicted = false;             ///< Its rows are deviations of means from what was predicted.
   bool has_forms = true;                 ///< Whether unnamed functions are asked for here.
   std::string table;  ///< What tables of bench files add to, if they can tell what an unnamed function does
-                      ///< here (fit/empirical.hpp).
+                      ///< here (fit/bench/empirical.hpp).
   /// Puts its nuisances as they were found into the bench, where that states them; empty: it does not.
   std::function<void(const Reduced&, const std::vector<Estimate>& nuisances, Bench&)> restate;
   /// How well its rows agree with their predictors before and after anything was found; empty: no word.

@@ -8,7 +8,7 @@
 #include <unsupported/Eigen/FFT>
 #include <utility>
 
-#include "fit/explain/extent.hpp"
+#include "fit/explain/model/extent.hpp"
 
 namespace fit::explain::model {
 namespace {

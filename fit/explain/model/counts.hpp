@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::model {
 

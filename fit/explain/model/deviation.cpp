@@ -4,8 +4,8 @@
 #include <map>
 #include <utility>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/term.hpp"
+#include "fit/explain/numbers.hpp"
 #include "fit/explain/reduction/temperature.hpp"
 
 namespace fit::explain::model {

@@ -4,9 +4,9 @@
 #include <map>
 #include <set>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/scale.hpp"
 #include "fit/explain/model/term.hpp"
+#include "fit/explain/numbers.hpp"
 
 namespace fit::explain::model {
 namespace {

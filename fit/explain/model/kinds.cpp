@@ -3,10 +3,10 @@
 #include <cmath>
 #include <functional>
 
-#include "fit/explain/inference/numbers.hpp"
 #include "fit/explain/model/spans.hpp"
 #include "fit/explain/model/term.hpp"
-#include "fit/explain/stated_noise.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain::model {
 namespace {

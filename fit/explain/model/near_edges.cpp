@@ -5,8 +5,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "fit/angle.hpp"
 #include "fit/explain/reduction/margins.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::model {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "fit/explain/model/range_and_angle.hpp"
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::model {
 namespace {

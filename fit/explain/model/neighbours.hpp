@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 /// Noise that neighbouring beams share, as heat shimmer makes it: sums over many beams scatter more than
 /// those of independent ones, and many beams say less of a variance than their number.

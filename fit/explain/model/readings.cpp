@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::model {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/radiometer.hpp"
+#include "fit/bench/radiometer.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::model {
 

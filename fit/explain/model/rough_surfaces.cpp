@@ -7,8 +7,8 @@
 #include <map>
 #include <utility>
 
-#include "fit/explain/inference/numbers.hpp"
-#include "fit/straight_line.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain::model {
 namespace {

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "fit/explain/hypothesis.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/coefficient.hpp"
+#include "fit/explain/model/hypothesis.hpp"
 
 namespace fit::explain::model {
 

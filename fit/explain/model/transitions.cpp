@@ -6,8 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "fit/explain/model/stage_stops.hpp"
 #include "fit/explain/reduction/margins.hpp"
-#include "fit/explain/stage_stops.hpp"
 
 namespace fit::explain::model {
 namespace {

@@ -3,10 +3,10 @@
 
 #include <vector>
 
+#include "fit/explain/model/spread.hpp"
 #include "fit/explain/model/widths.hpp"
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/seen_edges.hpp"
-#include "fit/explain/spread.hpp"
+#include "fit/explain/reduction/reduce.hpp"
+#include "fit/explain/reduction/seen_edges.hpp"
 
 namespace fit::explain::model {
 

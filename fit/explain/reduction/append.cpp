@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "fit/explain/reduction/temperature.hpp"
 
 namespace fit::explain {

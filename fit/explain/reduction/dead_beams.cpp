@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::reduction {
 

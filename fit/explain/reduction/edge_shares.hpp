@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::reduction {
 

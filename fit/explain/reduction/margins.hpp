@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "fit/angle.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace fit::explain::reduction {
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "fit/explain/inference/numbers.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/numbers.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain {
 namespace {

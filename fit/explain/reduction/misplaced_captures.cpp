@@ -10,7 +10,7 @@
 
 #include "fit/echo.hpp"
 #include "fit/explain/reduction/margins.hpp"
-#include "fit/median.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "fit/explain/reduction/samples.hpp"
 
 namespace fit::explain::reduction {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduce.hpp"
 #include "fit/explain/reduction/effect_there.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain {
 

@@ -4,10 +4,10 @@
 #include <limits>
 #include <map>
 
-#include "fit/explain/reduce.hpp"
 #include "fit/explain/reduction/effect_there.hpp"
 #include "fit/explain/reduction/margins.hpp"
-#include "fit/explain/seen_edges.hpp"
+#include "fit/explain/reduction/reduce.hpp"
+#include "fit/explain/reduction/seen_edges.hpp"
 
 namespace fit::explain {
 namespace {

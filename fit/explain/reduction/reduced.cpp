@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/median.hpp"
+#include "fit/explain/reduction/reduce.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain {
 

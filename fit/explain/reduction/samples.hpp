@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "fit/explain/reduction/turn_counter.hpp"
-#include "fit/explain/scene.hpp"
+#include "fit/explain/scene/scene.hpp"
 
 namespace fit::explain::reduction {
 

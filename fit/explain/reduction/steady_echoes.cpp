@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "fit/straight_line.hpp"
+#include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain::reduction {
 namespace {

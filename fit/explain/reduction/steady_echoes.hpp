@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::reduction {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "fit/explain/reduction/edge_shares.hpp"
-#include "fit/explain/stated_noise.hpp"
-#include "fit/median.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {

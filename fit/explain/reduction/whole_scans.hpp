@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "fit/explain/reduction/samples.hpp"
 
 namespace fit::explain::reduction {

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <string>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/session/deskewed_scans.hpp"

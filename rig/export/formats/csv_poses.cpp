@@ -2,7 +2,7 @@
 #include <charconv>
 #include <string>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/whole_file.hpp"

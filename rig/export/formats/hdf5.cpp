@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/session/deskewed_scans.hpp"
 #include "rig/whole_file.hpp"

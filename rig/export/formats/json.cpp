@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <nlohmann/json.hpp>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/session/standing.hpp"
 #include "rig/whole_file.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/export/odometry_export.hpp"
 
 namespace rig::exporters {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/centre.hpp"
+#include "fit/range/centre.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -10,9 +10,9 @@
 #include <numeric>
 #include <optional>
 
-#include "fit/dense.hpp"
-#include "fit/number_format.hpp"
-#include "fit/selection.hpp"
+#include "fit/numeric/dense.hpp"
+#include "fit/numeric/number_format.hpp"
+#include "fit/range/selection.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/centre_positions.hpp"
 #include "rig/fitting/edge_source.hpp"

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "fit/angle.hpp"
-#include "fit/beam_statistics.hpp"
-#include "fit/median.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/median.hpp"
+#include "fit/range/beam_statistics.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/result_document.hpp"

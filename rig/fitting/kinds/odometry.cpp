@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/odometry.hpp"
+#include "fit/motion/odometry.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <optional>
 #include <stdexcept>
 
-#include "fit/drive.hpp"
-#include "fit/odometry_runs.hpp"
+#include "fit/motion/drive.hpp"
+#include "fit/motion/odometry_runs.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/fitting/odometry_tables.hpp"

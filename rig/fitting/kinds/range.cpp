@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/fitting/one_lidar.hpp"
 #include "rig/fitting/range_source.hpp"
 #include "rig/fitting/range_tables.hpp"

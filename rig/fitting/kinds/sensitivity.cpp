@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/edge_source.hpp"
 #include "rig/fitting/result_document.hpp"

@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "fit/angle.hpp"
-#include "fit/number_format.hpp"
-#include "fit/range_calibration.hpp"
-#include "fit/validation_measures.hpp"
+#include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
+#include "fit/range/range_calibration.hpp"
+#include "fit/range/validation_measures.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/correction_source.hpp"
 #include "rig/fitting/flat_surface.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/wall.hpp"
+#include "fit/range/wall.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/fitting/result_document.hpp"

@@ -4,8 +4,8 @@
 #include <numeric>
 #include <optional>
 
-#include "fit/distributions.hpp"
-#include "fit/median.hpp"
+#include "fit/numeric/distributions.hpp"
+#include "fit/numeric/median.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {

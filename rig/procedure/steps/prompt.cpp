@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/json_position.hpp"
+#include "fit/bench/json_position.hpp"
 #include "rig/procedure/step.hpp"
 
 namespace rig::steps {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 #include <catch2/catch.hpp>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/beam_statistics.hpp"
+#include "fit/range/beam_statistics.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

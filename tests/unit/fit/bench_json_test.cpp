@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <catch2/catch.hpp>
 
-#include "fit/bench.hpp"
-#include "fit/json_position.hpp"
+#include "fit/bench/bench.hpp"
+#include "fit/bench/json_position.hpp"
 
 namespace bench_json_test {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/centre.hpp"
+#include "fit/range/centre.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

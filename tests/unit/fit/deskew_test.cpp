@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "fit/deskew.hpp"
+#include "fit/motion/deskew.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <random>
 
-#include "fit/map_fusion.hpp"
-#include "fit/sweep_timing.hpp"
+#include "fit/motion/map_fusion.hpp"
+#include "fit/motion/sweep_timing.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/moving_room.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/drive.hpp"
+#include "fit/motion/drive.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

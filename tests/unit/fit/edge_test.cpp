@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/edge.hpp"
+#include "fit/range/edge.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

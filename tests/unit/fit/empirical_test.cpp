@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "fit/empirical.hpp"
+#include "fit/bench/empirical.hpp"
 
 #include <catch2/catch.hpp>
 
-#include "fit/radiometer.hpp"
+#include "fit/bench/radiometer.hpp"
 
 namespace empirical_test {
 

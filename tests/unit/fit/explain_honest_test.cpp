@@ -5,8 +5,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "fit/explain/around/flicker.hpp"
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/flicker.hpp"
 #include "fit/explain/inference/apart.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"

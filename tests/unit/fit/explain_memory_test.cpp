@@ -3,8 +3,8 @@
 #include <cmath>
 #include <random>
 
-#include "fit/bench.hpp"
-#include "fit/explain/mean_model.hpp"
+#include "fit/bench/bench.hpp"
+#include "fit/explain/model/mean_model.hpp"
 #include "fit/recording.hpp"
 #include "noise_findings.hpp"
 #include "tests/support/rounds.hpp"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
-#include "fit/angle.hpp"
 #include "fit/explain/explanation.hpp"
+#include "fit/numeric/angle.hpp"
 #include "synthetic_recording.hpp"
 
 namespace explain_no_intensity_test {

@@ -7,9 +7,9 @@
 
 #include "../../support/imagined_room.hpp"
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/inference/gaussian.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/combs.hpp"
+#include "fit/explain/model/gaussian.hpp"
 #include "fit/explain/model/widths.hpp"
 
 namespace explain_one_model_test {

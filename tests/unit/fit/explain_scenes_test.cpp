@@ -5,7 +5,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/model/channel.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "plain_scenes.hpp"
 #include "tests/support/rounds.hpp"
 

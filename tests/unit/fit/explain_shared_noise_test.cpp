@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "fit/explain/model/neighbours.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "noise_findings.hpp"
 #include "plain_room.hpp"
 #include "tests/support/rounds.hpp"

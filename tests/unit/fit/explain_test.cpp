@@ -5,9 +5,9 @@
 #include <span>
 
 #include "../../support/imagined_room.hpp"
+#include "fit/explain/experiment/next_experiment.hpp"
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/next_experiment.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "fit/find_by_id.hpp"
 #include "tests/support/rounds.hpp"
 

@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "fit/explain/scene.hpp"
+#include "fit/explain/scene/scene.hpp"
 
 namespace explain_turned_wall_test {
 

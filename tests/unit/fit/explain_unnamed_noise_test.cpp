@@ -9,7 +9,7 @@
 
 #include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/screen.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "noise_findings.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"

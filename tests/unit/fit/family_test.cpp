@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/family.hpp"
+#include "fit/range/family.hpp"
 
 #include <nlopt.h>
 
@@ -9,7 +9,7 @@
 #include <map>
 #include <random>
 
-#include "fit/extra_scatter.hpp"
+#include "fit/range/extra_scatter.hpp"
 
 namespace family_test {
 namespace {

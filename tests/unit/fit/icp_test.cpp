@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/icp.hpp"
+#include "fit/motion/icp.hpp"
 
 #include <catch2/catch.hpp>
 #include <random>

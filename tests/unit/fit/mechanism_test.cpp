@@ -7,7 +7,7 @@
 #include <map>
 #include <string>
 
-#include "fit/explain/hypothesis.hpp"
+#include "fit/explain/model/hypothesis.hpp"
 #include "plain_bench.hpp"
 #include "synthetic_recording.hpp"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "fit/separable.hpp"
+#include "fit/numeric/separable.hpp"
 #include "nist_data.hpp"
 
 namespace nist_test {

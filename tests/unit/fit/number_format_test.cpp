@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/number_format.hpp"
+#include "fit/numeric/number_format.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-#include "fit/odometry_runs.hpp"
+#include "fit/motion/odometry_runs.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
-#include "fit/wheel_time.hpp"
+#include "fit/motion/wheel_time.hpp"
 
 namespace odometry_runs_test {
 namespace {

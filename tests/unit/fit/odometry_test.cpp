@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/odometry.hpp"
+#include "fit/motion/odometry.hpp"
 
 #include <catch2/catch.hpp>
 #include <filesystem>

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/output_steps.hpp"
+#include "fit/explain/reduction/output_steps.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 
 namespace output_steps_test {
 

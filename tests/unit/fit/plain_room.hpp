@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "plain_bench.hpp"
 #include "synthetic_recording.hpp"
 

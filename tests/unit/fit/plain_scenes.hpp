@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/bench.hpp"
+#include "fit/bench/bench.hpp"
 #include "plain_bench.hpp"
 #include "synthetic_recording.hpp"
 

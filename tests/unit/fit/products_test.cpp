@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/products.hpp"
+#include "fit/numeric/products.hpp"
 
 #include <catch2/catch.hpp>
 #include <random>

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-#include "fit/range_calibration.hpp"
+#include "fit/range/range_calibration.hpp"
 
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
 
-#include "fit/selection.hpp"
-#include "fit/validation_measures.hpp"
+#include "fit/range/selection.hpp"
+#include "fit/range/validation_measures.hpp"
 
 namespace range_calibration_test {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/runs.hpp"
+#include "fit/explain/inference/runs.hpp"
 
 #include <catch2/catch.hpp>
 

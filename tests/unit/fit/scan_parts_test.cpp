@@ -10,7 +10,7 @@
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/scans.hpp"
-#include "fit/explain/reduce.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "plain_room.hpp"
 
 namespace scan_parts_test {

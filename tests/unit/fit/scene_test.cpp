@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/scene.hpp"
+#include "fit/bench/scene.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/shape_at_rest.hpp"
+#include "fit/motion/shape_at_rest.hpp"
 
 #include <catch2/catch.hpp>
 #include <cmath>

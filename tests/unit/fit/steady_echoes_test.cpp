@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 
 namespace steady_echoes_test {
 namespace {

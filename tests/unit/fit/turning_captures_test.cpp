@@ -3,8 +3,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "fit/explain/reduce.hpp"
-#include "fit/explain/stage_stops.hpp"
+#include "fit/explain/model/stage_stops.hpp"
+#include "fit/explain/reduction/reduce.hpp"
 #include "plain_room.hpp"
 
 namespace turning_captures_test {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/wall.hpp"
+#include "fit/range/wall.hpp"
 
 #include <algorithm>
 #include <catch2/catch.hpp>

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "fit/correction.hpp"
+#include "fit/range/correction.hpp"
 #include "rig/errors.hpp"
 #include "rig/export/exporter.hpp"
 #include "rig/import/cdr.hpp"

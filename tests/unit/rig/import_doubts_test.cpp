@@ -4,7 +4,7 @@
 #include <cmath>
 #include <functional>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
 #include "tests/support/test_folder.hpp"

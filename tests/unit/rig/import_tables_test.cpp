@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "rig/errors.hpp"
 #include "rig/import/import_session.hpp"
 #include "rig/session/session_store.hpp"

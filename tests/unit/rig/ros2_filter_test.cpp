@@ -8,8 +8,8 @@
 #include <fstream>
 
 #include "docs/examples/range_correction_filter/src/range_correction_filter.cpp"
-#include "fit/correction.hpp"
-#include "fit/family.hpp"
+#include "fit/range/correction.hpp"
+#include "fit/range/family.hpp"
 #include "rig/export/exporter.hpp"
 #include "tests/support/test_folder.hpp"
 

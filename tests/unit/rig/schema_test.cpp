@@ -10,8 +10,8 @@
 #include <valijson/validation_results.hpp>
 #include <valijson/validator.hpp>
 
-#include "fit/bench.hpp"
-#include "fit/correction.hpp"
+#include "fit/bench/bench.hpp"
+#include "fit/range/correction.hpp"
 
 namespace schema_test {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/angle.hpp"
+#include "fit/numeric/angle.hpp"
 #include "sim/world.hpp"
 
 namespace causal_test {

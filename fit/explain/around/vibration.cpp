@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/around/vibration.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "fit/explain/model/scans.hpp"
+#include "fit/explain/numbers.hpp"
+
+namespace fit::explain {
+namespace {
+
+/// One scan of a block: when, and by how many standard deviations of its noise it is off.
+struct Scan {
+  double time_s = 0, off = 0;
+};
+
+/// The angles, or the ranges, of whole scans, block by block.
+struct Series {
+  std::vector<std::vector<Scan>> blocks;
+  double squares = 0, scans = 0;
+  double unit = 0;                       ///< Mean noise of one: rad, or mm.
+  double longest_s = 0, most_scans = 0;  ///< Of a block.
+
+  /// Of each part that.
+  Series(const std::vector<model::ScanPart>& parts, bool of_angle, double model::ScanPart::*mm) {
+    constexpr std::size_t fewest = 20, most = 20'000;
+    std::map<int, std::vector<Scan>> all;
+    double units = 0;
+    for (const model::ScanPart& part : parts) {
+      if (part.of_angle != of_angle || static_cast<std::size_t>(part.scans) < fewest || scans >= most)
+        continue;
+      const double sigma = std::sqrt(part.variance_mm2);
+      all[part.block].push_back({part.at.since_move_s, part.*mm / sigma});
+      squares += std::pow(part.*mm / sigma, 2);
+      units += of_angle ? sigma / part.lever_mm : sigma;
+      scans += 1;
+    }
+    unit = scans > 0 ? units / scans : 0;
+    for (auto& [block, list] : all) {
+      longest_s = std::max(longest_s, list.back().time_s - list.front().time_s);
+      most_scans = std::max(most_scans, static_cast<double>(list.size()));
+      blocks.push_back(std::move(list));
+    }
+  }
+  [[nodiscard]] double nyquist_hz() const { return (most_scans - 1) / longest_s / 2; }
+  /// The share of all variance that a wave of that frequency has, with a phase of its own in each block.
+  [[nodiscard]] double share_at(double hz) const {
+    double power = 0;
+    for (const std::vector<Scan>& block : blocks) {
+      std::complex<double> sum = 0;
+      for (const Scan& scan : block) sum += scan.off * std::polar(1.0, 2 * pi * hz * scan.time_s);
+      power += 2 * std::norm(sum) / static_cast<double>(block.size());
+    }
+    return power / squares;
+  }
+};
+
+struct Line {
+  double hz = 0, share = 0;
+};
+
+/// The frequency between two that most of the series swings at, in steps of a part of what a block resolves.
+Line strongest(const Series& series, double from_hz, double to_hz, double step_hz) {
+  Line best;
+  for (double hz = from_hz; hz <= to_hz; hz += step_hz)
+    if (const double share = series.share_at(hz); share > best.share) best = {hz, share};
+  return best;
+}
+
+}  // namespace
+
+std::optional<double> vibration(const Reduced& reduced, SpreadResult& result) {
+  constexpr double least_share = 0.3,  // of what scans scatter by: else it is noise
+      slowest = 3;                     // periods in a block
+  const std::vector<model::ScanPart> parts = model::scan_parts(reduced, model::fewest_in_common, 1);
+  std::optional<double> found;
+  double most = 0;
+  Unexplained u;
+  for (const bool of_angle : {true, false}) {
+    // What repeats from capture to capture, or with mirror faces, is no vibration; but it takes a part of
+    // one.
+    const Series rest(parts, of_angle, &model::ScanPart::rest_mm),
+        series(parts, of_angle, &model::ScanPart::mm);
+    if (rest.blocks.empty() || !(rest.longest_s > 0)) continue;
+    const double resolved_hz = 1 / rest.longest_s,
+                 seen_hz = strongest(rest, slowest * resolved_hz, rest.nyquist_hz(), resolved_hz / 3).hz;
+    const Line of_rest =
+                   strongest(rest, seen_hz - resolved_hz / 3, seen_hz + resolved_hz / 3, resolved_hz / 30),
+               line = strongest(series, seen_hz - resolved_hz, seen_hz + resolved_hz, resolved_hz / 100);
+    // Noise has two degrees of freedom in every block, and the best of all frequencies was taken.
+    const auto blocks = static_cast<double>(rest.blocks.size());
+    const double tried = 3 * rest.nyquist_hz() / resolved_hz, by_chance = 2 * blocks / rest.scans,
+                 gain = -rest.scans / 2 * std::log(1 - std::min(0.99, of_rest.share)),
+                 price = blocks + 4 * std::sqrt(blocks) + std::log(tried / numbers::forms_expected) +
+                         std::log(numbers::named_at / (1 - numbers::named_at));
+    if (of_rest.share < least_share + by_chance || gain < price || line.share < by_chance || gain < most)
+      continue;
+    most = gain;
+    found = line.hz;
+    const double amplitude =
+        series.unit * std::sqrt(2 * (line.share - by_chance) * series.squares / series.scans);
+    u.observable = Observable::range_mean;
+    u.coordinate = Coordinate::time;
+    u.gain = gain - price;
+    const std::string at =
+        rounded(line.hz, 4) +
+        " Hz (or one that looks like it from scan to scan), with another phase in every capture";
+    u.describes = of_angle ? "the stage's angle swings by " + rounded(amplitude * deg_per_rad, 2) +
+                                 " deg at " + at + ": stage or mount vibrate"
+                           : "ranges of whole scans swing by " + rounded(amplitude, 2) + " mm at " + at;
+  }
+  if (found) result.unknown.push_back(std::move(u));
+  return found;
+}
+
+}  // namespace fit::explain

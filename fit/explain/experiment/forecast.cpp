@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/experiment/forecast.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "fit/bench/radiometer.hpp"
+#include "fit/explain/model/hypothesis.hpp"
+#include "fit/explain/model/mean_model.hpp"
+#include "fit/explain/scene/stated_noise.hpp"
+
+namespace fit::explain {
+namespace {
+
+constexpr double k_95 = 1.959964;  // of a normal distribution
+
+/// A recording in which every beam reads what geometry alone says, once: only where beams go is of interest.
+class Unmade final : public Recording {
+ public:
+  Unmade(const Bench& bench, const std::vector<CaptureInfo>& captures)
+      : bench_(bench), captures_(captures), law_(law_of_bench(bench)) {}
+  const Bench& bench() const override { return bench_; }
+  const std::vector<CaptureInfo>& captures() const override { return captures_; }
+  const std::vector<TrackPose>& track() const override { return track_; }
+  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
+    const CaptureInfo& info = captures_[index];
+    const Scene scene(bench_, Nuisance(bench_), info);
+    std::vector<std::uint16_t> range(static_cast<std::size_t>(info.beams()), 0), intensity = range;
+    for (std::size_t b = 0; b < range.size(); ++b) {
+      const Sight sight =
+          scene.look(info.stage_rad, bench_.lidar.beam_angle(info.step_of(static_cast<int>(b))));
+      if (sight.target < 0) continue;
+      range[b] = static_cast<std::uint16_t>(std::clamp(std::round(sight.range_mm), 30.0, 60000.0));
+      const Target& target = bench_.target_at(sight.target);
+      intensity[b] = static_cast<std::uint16_t>(std::clamp(
+          law_.counts(reflectance_in(info, target), sight.cos_incidence(), sight.range_mm), 1.0, 60000.0));
+    }
+    ScanView view;
+    view.host_us = info.started_us;
+    view.range_mm = range;
+    view.intensity = intensity;
+    for (view.seq = 0; view.seq < 3; ++view.seq) visit(view);
+  }
+
+ private:
+  const Bench& bench_;
+  const std::vector<CaptureInfo>& captures_;
+  IntensityLaw law_;
+  std::vector<TrackPose> track_;
+};
+
+/// What the bench knows of mechanisms, ready to act, and which of their values are uncertain.
+struct Known {
+  std::vector<Active> at_work;
+  struct Doubtful {
+    std::size_t active, parameter;
+    double u;
+  };
+  std::vector<Doubtful> doubtful;
+
+  explicit Known(const Bench& bench) {
+    for (const Term& known : all_known(bench)) {
+      for (std::size_t p = 0; p < known.sigma.size(); ++p)
+        if (known.sigma[p] > 0 && !known.mechanism->displaces)
+          doubtful.push_back({at_work.size(), p, known.sigma[p]});
+      at_work.push_back(known.active());
+    }
+  }
+
+  /// mm in a mean for one standard uncertainty of that value, at every row.
+  [[nodiscard]] Eigen::VectorXd column(const MeanModel& model, const Doubtful& d) const {
+    const Active& active = at_work[d.active];
+    std::vector<double> more = active.values, less = active.values;
+    more[d.parameter] += d.u / 2;
+    less[d.parameter] -= d.u / 2;
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(model.rows());
+    for (Eigen::Index i = 0; i < model.rows(); ++i) {
+      const Circumstances& at = model.cell(i).at;
+      if (active.target >= 0 && active.target != at.target) continue;
+      const double change =
+          model.shift(i, active.mechanism->act(at, more)) - model.shift(i, active.mechanism->act(at, less));
+      if (std::isfinite(change)) out[i] = change;
+    }
+    return out;
+  }
+
+  /// Of one sample, mm^2.
+  [[nodiscard]] double variance(const Cell& cell, double constant_mm) const {
+    const Effect e = effect_of(at_work, cell.at);
+    double sum = e.variance_mm2 > 0 ? e.variance_mm2 : constant_mm * constant_mm;
+    sum += std::pow(cell.sight.beam_lever(), 2) * (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
+    const double step = std::max(1.0, e.output_step_mm);
+    return sum + step * step / 12;
+  }
+};
+
+/// Columns of all that is uncertain, for one standard uncertainty each.
+Eigen::MatrixXd columns_of_doubt(const MeanModel& model, const Known& known, const Eigen::VectorXd& u) {
+  const Eigen::MatrixXd places = model.nuisance_columns() * u.asDiagonal();
+  Eigen::MatrixXd all(model.rows(), places.cols() + static_cast<Eigen::Index>(known.doubtful.size()));
+  all.leftCols(places.cols()) = places;
+  for (std::size_t k = 0; k < known.doubtful.size(); ++k)
+    all.col(places.cols() + static_cast<Eigen::Index>(k)) = known.column(model, known.doubtful[k]);
+  return all;
+}
+
+Reduced reduced_by(const Bench& twin, const Known& known, const Recording& recording, bool keep_samples) {
+  Reduced reduced = reduce(recording, {}, {}, keep_samples);
+  predict(reduced, Nuisance(twin), known.at_work, false);
+  return reduced;
+}
+
+/// What the recordings leave open of `columns_of_doubt`'s coefficients.
+Eigen::MatrixXd left_open(const Bench& twin, const Known& known, const Eigen::VectorXd& u,
+                          const std::vector<const Recording*>& recordings) {
+  const auto count = u.size() + static_cast<Eigen::Index>(known.doubtful.size());
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count, count);
+  for (Eigen::Index i = 0; i < u.size(); ++i) information(i, i) = 1;
+  for (const Recording* recording : recordings) {
+    Reduced reduced = reduced_by(twin, known, *recording, false);
+    if (reduced.smooth_cells() == 0) continue;
+    pool_variances(reduced);
+    const MeanModel model(reduced, {});
+    const Eigen::MatrixXd columns = model.whitened(columns_of_doubt(model, known, u));
+    information += columns.transpose() * columns;
+  }
+  // A value on which no recording has any hold keeps the uncertainty that it is stated with.
+  for (Eigen::Index i = 0; i < count; ++i) information(i, i) = std::max(information(i, i), 1.0);
+  return information.ldlt().solve(Eigen::MatrixXd::Identity(count, count));
+}
+
+/// The twin with the recording's circumstances.
+class SeenByTwin final : public Forwarded {
+ public:
+  SeenByTwin(const Bench& twin, const Recording& recording) : Forwarded(recording), twin_(twin) {}
+  const Bench& bench() const override { return twin_; }
+
+ private:
+  const Bench& twin_;
+};
+
+long place_of(int capture, double beam_rad) {
+  return 1000000L * capture + std::lround(beam_rad * deg_per_rad * 100);
+}
+
+}  // namespace
+
+Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
+                  const std::vector<const Recording*>& learnt_from) {
+  const Known known(twin);
+  const Eigen::VectorXd u = Nuisance::prior_sigma(twin);
+  std::vector<SeenByTwin> seen;
+  std::vector<const Recording*> list;
+  seen.reserve(learnt_from.size());
+  for (const Recording* recording : learnt_from) list.push_back(&seen.emplace_back(twin, *recording));
+  const Eigen::MatrixXd covariance = left_open(twin, known, u, list);
+  Reduced reduced = reduced_by(twin, known, Unmade(twin, planned), false);
+  if (reduced.smooth_cells() == 0)
+    throw std::invalid_argument(
+        "no beam of the planned captures meets a target squarely enough to foretell it");
+  const double constant_mm = stated_noise(twin).value > 0 ? stated_noise(twin).value : unstated_noise_mm;
+  for (Cell& cell : reduced.cells) cell.pooled_mm2 = known.variance(cell, constant_mm);
+  const MeanModel model(reduced, {});
+  const Eigen::MatrixXd columns = columns_of_doubt(model, known, u);
+  Forecast out;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Cell& cell = model.cell(i);
+    const Eigen::VectorXd row = columns.row(i);
+    out.beams.push_back({model.group(i).capture, cell.beam_rad, cell.at.incidence_rad, cell.nominal_mm,
+                         std::sqrt(std::max(0.0, row.dot(covariance * row))), std::sqrt(cell.pooled_mm2)});
+  }
+  return out;
+}
+
+ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording& recorded) {
+  const Known known(twin);
+  const SeenByTwin seen(twin, recorded);
+  const Reduced reduced = reduced_by(twin, known, seen, true);
+  std::map<long, const Foreseen*> predicted_at;
+  for (const Foreseen& beam : forecast.beams) predicted_at[place_of(beam.capture, beam.beam_rad)] = &beam;
+  ForecastScore out;
+  double squares = 0, means = 0, expected = 0, within = 0, means_within = 0;
+  for (const Cell& cell : reduced.cells) {
+    const int capture = reduced.group_of(cell).capture;
+    const auto found = predicted_at.find(place_of(capture, cell.beam_rad));
+    if (found == predicted_at.end() || cell.n < 1 || !cell.smooth) continue;
+    const Foreseen& beam = *found->second;
+    const double u_sample = std::hypot(beam.u_mm, beam.sd_mm);
+    const double u_mean = std::hypot(beam.u_mm, beam.sd_mm / std::sqrt(static_cast<double>(cell.n)));
+    for (int k = 0; k < cell.n; ++k) {
+      const double d =
+          static_cast<double>(reduced.kept[cell.first_kept + static_cast<std::size_t>(k)]) - beam.range_mm;
+      squares += d * d;
+      within += std::abs(d) < k_95 * u_sample;
+    }
+    const double off = cell.mean_mm - beam.range_mm;
+    means += off * off;
+    expected += u_mean * u_mean;
+    means_within += std::abs(off) < k_95 * u_mean;
+    out.samples += cell.n;
+    out.beams.push_back({beam.beam_rad * deg_per_rad, beam.range_mm, off, u_mean});
+  }
+  if (out.beams.empty()) throw std::invalid_argument("nothing of what was predicted was recorded");
+  const auto n = static_cast<double>(out.samples), beams = static_cast<double>(out.beams.size());
+  out.coverage_95 = within / n;
+  out.coverage_95_of_means = means_within / beams;
+  out.rms_mm = std::sqrt(squares / n);
+  out.rms_of_means_mm = std::sqrt(means / beams);
+  out.expected_rms_of_means_mm = std::sqrt(expected / beams);
+  return out;
+}
+
+}  // namespace fit::explain

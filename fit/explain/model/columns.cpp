@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/columns.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "fit/explain/model/scale.hpp"
+#include "fit/explain/model/term.hpp"
+
+namespace fit::explain {
+namespace {
+
+/// The means, as formulas and their deviations act on them.
+class Means final : public model::Rows {
+ public:
+  explicit Means(const MeanModel& model) : model_(model) {}
+  [[nodiscard]] Eigen::Index rows() const override { return model_.rows(); }
+  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return model_.cell(row).at; }
+  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
+    return model_.shift(row, effect);
+  }
+
+ private:
+  const MeanModel& model_;
+};
+
+/// In which of the ways that move means it acts here.
+std::vector<double Effect::*> ways_of(const MeanModel& model, const Term& term) {
+  constexpr std::array all{&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad};
+  std::vector<double Effect::*> list;
+  Effect most;
+  for (Eigen::Index i = 0; i < model.rows(); ++i) {
+    const Effect effect = term.mechanism->act(model.cell(i).at, term.values);
+    for (const auto way : all) most.*way = std::max(most.*way, std::abs(effect.*way));
+  }
+  std::ranges::copy_if(all, std::back_inserter(list), [&](const auto way) { return most.*way > 0; });
+  return list;
+}
+
+Columns with_standard_prior(const Eigen::MatrixXd& columns_mm) {
+  return {columns_mm, Prior::around_zero(columns_mm.cols())};
+}
+
+}  // namespace
+
+const ChannelInWords& in_words_of(Channel channel) {
+  static constexpr std::array all{ChannelInWords{"range_mm", "range", " mm", 1, 0.5},
+                                  ChannelInWords{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
+                                  ChannelInWords{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
+                                  ChannelInWords{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100},
+                                  ChannelInWords{"range_mm", "place", " mm", 1, 0.5}};
+  return all[static_cast<std::size_t>(channel)];
+}
+
+double lever_of(Channel channel, const Sight& sight) {
+  switch (channel) {
+    case Channel::range_scale:
+      return sight.range_mm;
+    case Channel::beam_angle:
+      return sight.beam_lever();
+    case Channel::stage_angle:
+      return sight.stage_lever();
+    case Channel::place:
+      return range_per_mm_out(sight.cos_incidence());
+    default:
+      return 1;
+  }
+}
+
+Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
+  return model::effect_of(Means(model), model::kind_without_channels(*term.mechanism, term.target),
+                          term.values);
+}
+
+double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row, int target) {
+  const Circumstances& at = model.cell(row).at;
+  return target < 0 ? model::coordinate_of(coordinate, at) : model::place_of(coordinate, target, at);
+}
+
+std::string place_along(const Bench& bench, int target) {
+  if (target == all_targets) return "the place along it";
+  return "the place along target '" + bench.target_at(target).name + "'";
+}
+
+Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate, int target) {
+  Eigen::VectorXd x(model.rows());
+  std::vector<double> values;
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    x[i] = coordinate_at(model, coordinate, i, target);
+    if (std::isfinite(x[i])) values.push_back(x[i]);
+  }
+  if (values.empty()) return Eigen::VectorXd::Zero(x.size());
+  const model::Scale scale(std::move(values), model::Scale::may_crowd(coordinate));
+  for (double& v : x) v = std::isfinite(v) ? scale(v) : 0;
+  return x;
+}
+
+TermColumns columns_of(const MeanModel& model, const Term& term) {
+  model::Kind kind = model::kind_without_channels(*term.mechanism, term.target);
+  kind.coefficients = model::coefficients_of(*term.mechanism, [](std::size_t) { return 1; });
+  kind.ways = ways_of(model, term);
+  model::Term there;
+  there.kind = &kind;
+  there.values = term.values;
+  const Means rows(model);
+  TermColumns columns{kind.coefficients, model::coefficients(there), {}, {}, {}};
+  columns.sizes = with_standard_prior(model::columns_of(rows, kind, term.values));
+  for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
+    columns.sizes.prior.mean[static_cast<Eigen::Index>(k)] = kind.coefficients[k].expected;
+    columns.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = kind.coefficients[k].typical;
+  }
+  columns.shapes = with_standard_prior(model::shape_columns(rows, there));
+  columns.deviations = with_standard_prior(model::deviation_columns(rows, there));
+  return columns;
+}
+
+}  // namespace fit::explain

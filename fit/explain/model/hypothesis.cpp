@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/model/hypothesis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "fit/explain/scene/stated_noise.hpp"
+
+namespace fit::explain {
+
+bool moves_means(const Mechanism& m) {
+  return m.observable == Observable::range_mean && m.coordinate != Coordinate::scan_seq;
+}
+
+void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
+  predict(reduced, h.nuisance, all_at_work(reduced.bench, h), may_leave_out);
+}
+
+std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
+  std::vector<Active> list = h.active();
+  for (const Term& known : known_terms(bench)) list.push_back(known.active());
+  return list;
+}
+
+std::vector<Active> Hypothesis::active() const {
+  std::vector<Active> list;
+  for (const Term& term : terms) list.push_back(term.active());
+  return list;
+}
+
+std::vector<Term> all_known(const Bench& bench) {
+  std::vector<Term> list;
+  for (const KnownMechanism& known : bench.known) {
+    const Mechanism* m = find_mechanism(known.mechanism);
+    if (!m) continue;
+    Term term{m, -1, m->values(known.parameters), {}};
+    for (const Parameter& p : m->parameters) {
+      const auto found = known.parameters.find(p.name);
+      term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
+    }
+    const auto name = known.texts.find("target");
+    if (m->one_target || name != known.texts.end()) {
+      for (std::size_t i = 0; i < bench.targets.size(); ++i)
+        if (name != known.texts.end() && bench.targets[i].name == name->second)
+          term.target = static_cast<int>(i);
+      if (term.target < 0) continue;
+    }
+    list.push_back(term);
+  }
+  return list;
+}
+
+std::vector<Active> known_effects(const Bench& bench) {
+  std::vector<Active> list;
+  for (const Term& known : all_known(bench))
+    if (!is_constant_noise(*known.mechanism)) list.push_back(known.active());
+  return list;
+}
+
+std::vector<Term> known_terms(const Bench& bench) {
+  std::vector<Term> list = all_known(bench);
+  std::erase_if(list, [](const Term& known) { return !moves_means(*known.mechanism); });
+  return list;
+}
+
+Columns nuisance_columns(const MeanModel& model, const Nuisance& there) {
+  const Nuisance stated(model.bench());
+  return {model.nuisance_columns(),
+          {stated.as_vector() - there.as_vector(), Nuisance::prior_sigma(model.bench())}};
+}
+
+Base base_columns(const MeanModel& model, const Hypothesis& h) {
+  Base base;
+  base.all = nuisance_columns(model, h.nuisance);
+  for (const Term& term : known_terms(model.bench())) {
+    TermColumns c = columns_of(model, term);
+    for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {
+      const std::size_t p = c.sizes_of[k].parameter;
+      const double u = c.sizes_of[k].has_phase
+                           ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
+                           : term.sigma[p];
+      c.sizes.prior.mean[static_cast<Eigen::Index>(k)] = 0;
+      c.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
+    }
+    base.all.append(c.sizes);
+    base.all.append(c.deviations);
+  }
+  for (const Term& term : h.terms) {
+    TermColumns c = columns_of(model, term);
+    Prior& prior = c.sizes.prior;
+    // A coefficient that is expected to be something does not become certain by being just that.
+    double ratio = prior.mean.isZero() ? 1e-4 : 1;
+    for (Eigen::Index k = 0; k < c.at.size(); ++k)
+      ratio = std::max(ratio, 1.2 * std::abs(c.at[k] - prior.mean[k]) / prior.sigma[k]);
+    prior.mean -= c.at;
+    prior.sigma *= ratio;
+    base.term_first.push_back(base.all.columns.cols());
+    base.term_count.push_back(c.sizes.columns.cols() + c.shapes.columns.cols());
+    base.all.append(c.sizes);
+    base.all.append(c.shapes);
+    base.all.append(c.deviations);
+  }
+  for (const Shape& shape : h.shapes) {
+    base.shape_first.push_back(base.all.columns.cols());
+    base.all.append(columns_of(model, shape));
+  }
+  base.shape_first.push_back(base.all.columns.cols());
+  return base;
+}
+
+Eigen::VectorXd bend_of(const Base& base, const Eigen::VectorXd& coefficients, std::size_t term) {
+  const Eigen::Index from = base.term_first[term] + base.term_count[term],
+                     to = term + 1 < base.term_first.size() ? base.term_first[term + 1]
+                                                            : base.shape_first.front();
+  return base.all.columns.middleCols(from, to - from) * coefficients.segment(from, to - from);
+}
+
+MeanModel model_of(const Reduced& reduced, const MeanNoise& noise, const Hypothesis& h) {
+  MeanModel model(reduced, noise);
+  Base base = base_columns(model, h);
+  model.set_base(std::move(base.all.columns), base.all.prior);
+  return model;
+}
+
+void fit_nuisances(Reduced& reduced, const MeanNoise& noise, int passes, Hypothesis& hypothesis) {
+  for (int pass = 0; pass < passes; ++pass) {
+    predict_at(reduced, hypothesis);
+    const Eigen::VectorXd now = hypothesis.nuisance.as_vector();
+    hypothesis.nuisance.set(now + model_of(reduced, noise, hypothesis).posterior_mean().head(now.size()));
+  }
+  predict_at(reduced, hypothesis);
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/reduce.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/bench/empirical.hpp"
+#include "fit/bench/radiometer.hpp"
+#include "fit/explain/reduction/broken_scans.hpp"
+#include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/placing.hpp"
+#include "fit/explain/reduction/samples.hpp"
+#include "fit/explain/reduction/summary.hpp"
+#include "fit/explain/reduction/temperature.hpp"
+#include "fit/explain/reduction/whole_scans.hpp"
+
+namespace fit::explain {
+namespace {
+
+using namespace reduction;
+
+constexpr int scans_per_group = 200;  // a longer capture is split in time
+constexpr int turning_beams = 3;      // beams taken together where every scan has its own stage angle
+
+/// The session before any of its scans is read.
+Reduced unread(const Recording& recording, const Standing& standing) {
+  Reduced out;
+  out.bench = recording.bench();
+  out.empirical = empirical_mechanisms(out.bench);
+  out.captures = recording.captures();
+  out.absent = standing.absent;
+  out.absent.resize(out.captures.size());
+  out.same_as = standing.same_as;
+  for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
+    out.same_as.push_back(static_cast<int>(t));
+  out.shown.assign(1 << 16, 0);
+  out.reference_temperature_c = reference_temperature(out.captures).value_or(0);
+  return out;
+}
+
+/// Reads one capture's scans into blocks and reduces each.
+class Reducer {
+ public:
+  Reducer(const Recording& recording, const Standing& standing, Reduced& out, bool keep_samples)
+      : recording_(recording),
+        standing_(standing),
+        out_(out),
+        as_stated_(recording.bench()),
+        keep_samples_(keep_samples),
+        turns_(recording.bench().lidar.scan_hz) {}
+
+  void capture(std::size_t index) {
+    const CaptureInfo& info = out_.captures[index];
+    const int most_scans = is_turning(info) ? 1 : scans_per_group;
+    Samples columns;  // of the capture, without scans
+    Samples block;
+    again_.next_capture();
+    recording_.for_each_scan(index, [&](const ScanView& scan) {
+      if (again_.is_again(scan)) {
+        ++out_.repeated;
+        return;
+      }
+      if (columns.beam_rad.empty()) columns = columns_for(scan, info, out_.bench.lidar);
+      if (block.scans == 0) block = columns;
+      if (!block.add(scan, info, turns_)) return;
+      if (block.scans < most_scans) return;
+      reduce_block(block, index);
+      block.scans = 0;
+    });
+    if (block.scans > 0) reduce_block(block, index);
+  }
+
+ private:
+  void reduce_block(Samples& block, std::size_t capture) {
+    Group group = group_of(block, capture);
+    out_.scans += block.scans;
+    out_.broken += do_not_look_beyond_breaks(block);
+    const Scene scene = out_.scene_of(group, as_stated_);
+    bring_to_middle(block, scene, group.stage_rad);
+    if (const auto hidden = standing_.hidden.find(group.capture); hidden != standing_.hidden.end())
+      for (const auto& [from_rad, to_rad] : hidden->second) block.do_not_look(from_rad, to_rad);
+    group.sigma_mm = typical_spread(block, out_.bench);
+    for (Passer& one : passers_in(block, scene, group.stage_rad, group.sigma_mm)) {
+      one.capture = group.capture;
+      out_.passers.push_back(one);
+    }
+    const CaptureInfo& info = out_.captures[capture];
+    const Setting setting{info, group, block, scene, scene.edges(group.stage_rad)};
+    const bool turning = is_turning(info);
+    const std::vector<int> cell_of_beam = add_cells(setting, turning ? turning_beams : 1);
+    group.last_cell = out_.cells.size();
+    if (!turning && block.scans > 2) summarise_scans(block, cell_of_beam, group, out_);
+    count_shown(block);
+    out_.groups.push_back(group);
+  }
+
+  /// The next one, when and from where it was taken.
+  [[nodiscard]] Group group_of(const Samples& block, std::size_t capture) const {
+    const CaptureInfo& info = out_.captures[capture];
+    const double middle_s = (block.since_start_s.front() + block.since_start_s.back()) / 2;
+    Group group;
+    group.capture = static_cast<int>(capture);
+    group.scans = block.scans;
+    group.stage_rad = info.stage_rad + (is_turning(info) ? info.stage_rate_rad_s * middle_s : 0);
+    group.time_s = info.since_power_on_s.value_or(static_cast<double>(info.started_us) * 1e-6) + middle_s;
+    group.first_cell = out_.cells.size();
+    return group;
+  }
+
+  /// A cell for every beam, or for so many together, that meets something. Returns their indices by the first
+  /// beam; -1 where there is none.
+  std::vector<int> add_cells(const Setting& setting, int together) {
+    const int columns = setting.samples.beams;
+    std::vector<int> cell_of_beam(static_cast<std::size_t>(columns), -1);
+    for (Beams beams{0, together}; beams.first + together <= columns; beams.first += together) {
+      Cell cell = placed(out_, setting, beams);
+      if (cell.sight.target < 0) continue;
+      summarise(setting, beams, keep_samples_, cell, out_);
+      cell_of_beam[static_cast<std::size_t>(beams.first)] = static_cast<int>(out_.cells.size());
+      cell.group = static_cast<int>(out_.groups.size());
+      if (!cell.smooth) ++out_.left_out;
+      out_.cells.push_back(cell);
+    }
+    return cell_of_beam;
+  }
+
+  /// Of ranges as they came: coarse steps show there.
+  void count_shown(const Samples& block) {
+    const std::size_t stride = std::max<std::size_t>(1, block.raw.size() / 2000);
+    for (std::size_t i = 0; i < block.raw.size(); i += stride) {
+      const std::uint16_t r = block.raw[i];
+      if (is_echo(r)) ++out_.shown[r];
+    }
+  }
+
+  const Recording& recording_;
+  const Standing& standing_;
+  Reduced& out_;
+  Nuisance as_stated_;
+  bool keep_samples_;
+  TurnCounter turns_;
+  RepeatedScans again_;
+};
+
+/// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,
+/// distance and incidence make.
+void expect_echoes(Reduced& session) {
+  if (session.has_intensity) return;
+  const IntensityLaw law = law_of_bench(session.bench);
+  for (Cell& cell : session.cells)
+    cell.at.intensity =
+        law.counts(reflectance_of(session, cell), cell.sight.cos_incidence(), cell.sight.range_mm);
+}
+
+}  // namespace
+
+Reduced reduce(const Recording& recording, const Progress& progress, const Standing& standing,
+               bool keep_samples) {
+  Reduced out = unread(recording, standing);
+  Reducer reducer(recording, standing, out, keep_samples);
+  for (std::size_t i = 0; i < out.captures.size(); ++i) {
+    reducer.capture(i);
+    if (progress && i % 8 == 0)
+      progress(static_cast<double>(i) / static_cast<double>(out.captures.size()), "reading");
+  }
+  expect_echoes(out);
+  return out;
+}
+
+}  // namespace fit::explain

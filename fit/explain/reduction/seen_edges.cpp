@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT
+#include "fit/explain/reduction/seen_edges.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fit/explain/reduction/effect_there.hpp"
+
+namespace fit::explain {
+namespace {
+
+/// Beams at the same place are one: an edge seen from many stage angles has thousands.
+std::vector<Beside> places_of(const std::vector<Beside>& beams) {
+  constexpr double apart_deg = 0.01;
+  std::map<long, Beside> places;
+  for (const Beside& b : beams) {
+    if (std::abs(b.inside_deg) > edge_reach_deg + 1) continue;
+    Beside& place = places[std::lround(b.inside_deg / apart_deg)];
+    place.inside_deg += b.n * b.inside_deg;
+    place.far_share += b.n * b.far_share;
+    place.n += b.n;
+  }
+  std::vector<Beside> list;
+  for (const auto& [at, sum] : places) list.push_back({sum.inside_deg / sum.n, sum.far_share / sum.n, sum.n});
+  return list;
+}
+
+/// Where the farther surface takes over: the middle of the places that are as likely as the best.
+void place(SeenEdge& edge) {
+  const auto [low, high] = std::ranges::minmax_element(edge.beams, {}, &Beside::far_share);
+  if (edge.beams.size() < 4 || low->far_share > 0.1 || high->far_share < 0.9) return;
+  const std::vector<Beside> beams = places_of(edge.beams);
+  double best = -1e300;
+  for (const double width : {0.01, 0.03, 0.06, 0.12, 0.25}) {
+    double first = 0, last = 0, top = -1e300;
+    const auto try_shifts = [&](double from, double to, double step) {
+      top = -1e300;
+      for (double shift = from; shift <= to; shift += step) {
+        const double l = likelihood_of_edge(beams, shift, width);
+        if (l > top + 0.5) first = shift;
+        if (l > top - 0.5) last = shift;
+        top = std::max(top, l);
+      }
+    };
+    try_shifts(-edge_reach_deg, edge_reach_deg, 0.04);
+    try_shifts(first - 0.05, last + 0.05, 0.005);
+    if (top <= best + 0.5) continue;
+    best = top;
+    edge.shift_deg = (first + last) / 2;
+  }
+  edge.settled = std::abs(edge.shift_deg) < edge_reach_deg - 0.05;
+}
+
+}  // namespace
+
+double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, double width_deg) {
+  // Single samples may lie anywhere: no share is less than that, and beams farther off have it or all but it.
+  constexpr double least = 0.004, all_widths = 2.66;
+  static const double log_least = std::log(least), log_most = std::log(1 - least);
+  double sum = 0;
+  for (const Beside& b : beams) {
+    const double widths = (b.inside_deg - shift_deg) / width_deg;
+    double log_far = widths > 0 ? log_least : log_most, log_near = widths > 0 ? log_most : log_least;
+    if (std::abs(widths) < all_widths) {
+      const double far = std::clamp(0.5 * std::erfc(widths / std::sqrt(2.0)), least, 1 - least);
+      log_far = std::log(far);
+      log_near = std::log(1 - far);
+    }
+    sum += b.n * (b.far_share * log_far + (1 - b.far_share) * log_near);
+  }
+  return sum;
+}
+
+std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitted,
+                                   const std::vector<Active>& at_work) {
+  const Nuisance nuisance = displaced(reduced, fitted, at_work);
+  std::map<int, SeenEdge> edges;
+  for (const Group& group : reduced.groups) {
+    const CaptureInfo& info = reduced.capture_of(group);
+    if (is_turning(info)) continue;
+    const Scene scene = reduced.scene_of(group, nuisance);
+    const std::vector<Edge> in_sight = reduction::edges_there(reduced, group, scene, at_work);
+    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
+      if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
+      const Target& target = reduced.bench.target_at(cell.edge / 2);
+      if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;
+      const auto edge = std::ranges::find(in_sight, cell.edge, &Edge::id);
+      if (edge == in_sight.end() || edge->far_mm <= 0) continue;
+      const Effect effect = effect_of(at_work, cell.at);
+      const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
+      const double inside = wrap_angle(sight.bearing_rad - edge->bearing_rad) * edge->near_side;
+      SeenEdge& seen = edges[cell.edge];
+      seen.gap_mm = edge->far_mm - edge->near_mm;
+      seen.from = sight.origin;
+      seen.bearing_rad = edge->bearing_rad;
+      seen.near_side = edge->near_side;
+      Beside beside;
+      beside.inside_deg = inside * deg_per_rad;
+      beside.far_share = cell.far_share;
+      beside.n = std::min(20.0, 1.0 * cell.n + cell.stray);
+      beside.between = cell.between * 2 > cell.n + cell.stray;
+      beside.place = cell.far_share;
+      const double to_behind_rad = wrap_angle(edge->bearing_rad - 0.02 * edge->near_side - sight.bearing_rad);
+      const Sight behind = scene.look(group.stage_rad, cell.beam_rad + to_behind_rad, effect);
+      if (cell.stray == 0 && behind.target >= 0 && behind.target != cell.edge / 2) {
+        const double near = scene.look_at(cell.edge / 2, group.stage_rad, cell.beam_rad, effect).range_mm,
+                     far = scene.look_at(behind.target, group.stage_rad, cell.beam_rad, effect).range_mm;
+        beside.place = (cell.mean_mm - effect.range_mm - near) / std::max(1.0, far - near);
+        beside.u_place =
+            std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) / std::sqrt(1.0 * cell.n) / (far - near);
+      }
+      seen.beams.push_back(beside);
+    }
+  }
+  for (auto& [id, edge] : edges) place(edge);
+  return edges;
+}
+
+}  // namespace fit::explain

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <set>
+#include <vector>
+
+#include "fit/bench/scene.hpp"
+#include "fit/mechanism.hpp"
+#include "fit/recording.hpp"
+
+namespace fit::explain {
+
+/// One of the numbers that say where things stand.
+struct Freedom {
+  enum class Of { mount_x, mount_y, mount_yaw, offset, turn, aside, radius };
+  Of of;
+  int target = -1;  ///< -1: of the mount.
+
+  [[nodiscard]] bool is_angle() const { return of == Of::mount_yaw || of == Of::turn; }
+  [[nodiscard]] const char* in_words() const;
+};
+/// Mount x, y, yaw; then for every target in its order: of a flat one its offset along the outward normal and
+/// its turn about its middle; of a round one its offset outward, aside (counter-clockwise), and its radius.
+[[nodiscard]] std::vector<Freedom> freedoms_of(const Bench& bench);
+
+/// Where things stand against the bench file: what is fitted along with every suspect. Millimetres and
+/// radians, counter-clockwise. The mount as it is, all else as a deviation.
+struct Nuisance {
+  double x_mm = 0, y_mm = 0, yaw_rad = 0;
+  std::vector<double> offset_mm, turn_rad;   ///< For every target; no round one turns.
+  std::vector<double> aside_mm, thicker_mm;  ///< For every target; 0 for flat ones.
+
+  explicit Nuisance(const Bench& bench);
+  /// In the order of `freedoms_of`.
+  [[nodiscard]] Eigen::VectorXd as_vector() const;
+  void set(const Eigen::VectorXd& values);
+  [[nodiscard]] static Eigen::VectorXd prior_sigma(const Bench& bench);
+
+ private:
+  [[nodiscard]] double& value(const Freedom& freedom);
+  std::vector<Freedom> freedoms_;
+};
+
+/// A mechanism at work, with its values in the order of its parameters.
+struct Active {
+  const Mechanism* mechanism = nullptr;
+  std::vector<double> values;
+  int target = -1;  ///< The only target it acts on; -1: all.
+};
+
+/// What all of them together do there; those of one target only to that target, and those that move it not at
+/// all: the scene shows it where they put it.
+[[nodiscard]] Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at);
+
+/// Reflectance of a target in a capture: what the capture states about it, or the bench file, or a middling
+/// one.
+[[nodiscard]] double reflectance_in(const CaptureInfo& capture, const Target& target);
+
+/// What one beam meets in one stage position.
+struct Sight : Hit {
+  double bearing_rad = 0;
+  Eigen::Vector2d origin = Eigen::Vector2d::Zero();
+  double beam_lever_mm = 0;   ///< d range / d beam angle, mm per rad.
+  double stage_lever_mm = 0;  ///< d range / d stage angle, mm per rad: the optical centre travels too.
+
+  [[nodiscard]] double cos_incidence() const { return cosine; }
+  [[nodiscard]] double beam_lever() const { return beam_lever_mm; }
+  [[nodiscard]] double stage_lever() const { return stage_lever_mm; }
+  /// d range / d one of the numbers that say where things stand; 0 for those of other targets.
+  [[nodiscard]] double per(const Freedom& freedom, double stage_rad) const;
+  /// Change of the measured range that an effect makes to first order, mm.
+  [[nodiscard]] double shift(const Effect& effect) const;
+};
+
+/// Power of an echo from there, in units of that of a perfect target met squarely at 1 m.
+[[nodiscard]] double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight);
+
+/// Indices of the bench's targets that do not stand there in a capture.
+using Absent = std::set<int>;
+
+/// The targets as they stand in one capture, seen by a lidar on its stage.
+class Scene {
+ public:
+  Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent = {});
+
+  /// What the beam meets from the stage angle, other angles and places taken from `effect`.
+  [[nodiscard]] Sight look(double stage_rad, double beam_rad, const Effect& effect = {}) const;
+  /// The same for the surface of one target, whatever stands before it and wherever it ends.
+  [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
+  /// The edges in sight from there, the optical centre's place taken from `effect` as well.
+  [[nodiscard]] std::vector<Edge> edges(double stage_rad, const Effect& effect = {}) const;
+  /// To the next inner corner along the target; infinite if there is none.
+  [[nodiscard]] double to_corner_mm(const Sight& sight) const { return scene_.to_corner_mm(sight); }
+  /// To the next place where another target begins, inner corner or outer.
+  [[nodiscard]] double to_joint_mm(const Sight& sight) const { return scene_.to_joint_mm(sight); }
+  /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
+  void describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const;
+
+ private:
+  [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
+
+  double x_mm_, y_mm_, yaw_rad_;
+  fit::Scene scene_;
+};
+
+}  // namespace fit::explain

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+#include "fit/numeric/distributions.hpp"
+
+#include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/students_t.hpp>
+
+namespace fit {
+
+double chi_squared_cdf(double freedom, double x) { return cdf(boost::math::chi_squared(freedom), x); }
+
+double chi_squared_quantile(double freedom, double probability) {
+  return quantile(boost::math::chi_squared(freedom), probability);
+}
+
+double student_quantile(double freedom, double probability) {
+  return quantile(boost::math::students_t(freedom), probability);
+}
+
+double fisher_above(double numerator_freedom, double denominator_freedom, double x) {
+  return cdf(complement(boost::math::fisher_f(numerator_freedom, denominator_freedom), x));
+}
+
+double binomial_at_least(double n, double probability, double count) {
+  return cdf(complement(boost::math::binomial(n, probability), count - 1));
+}
+
+}  // namespace fit
