@@ -21,6 +21,9 @@ namespace fit {
 /// from nearer by is the beam's own.
 inline constexpr std::array halos_rad{0.5 * rad_per_deg, 0.7 * rad_per_deg, 1.4 * rad_per_deg};
 
+/// Standard half widths of beams that circumstances know.
+inline constexpr std::array wide_beams_rad{0.1 * rad_per_deg, 0.2 * rad_per_deg, 0.4 * rad_per_deg};
+
 /// Everything about one beam of one scan that a mechanism may depend on. Millimetres, radians, seconds,
 /// kelvin.
 struct Circumstances {
@@ -55,6 +58,9 @@ struct Circumstances {
   /// By how much more the nearer ones of those that merge pull where the front of an echo is timed: the
   /// square of the range's difference, at most of 150 mm, over that.
   std::array<double, 3> pull_front_mm{};
+  /// Mean range of a beam of each of `wide_beams_rad`, weighted by its light, less the range of its middle:
+  /// on slanted walls and beside inner corners. 0 beside edges, where ranges do not merge.
+  std::array<double, 3> spread_mm{};
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;
   double reflectance = 0.5;  ///< Nominal, 0..1.
@@ -159,6 +165,9 @@ struct Parameter {
   double typical = 1;   ///< Size: standard deviation of the prior around `expected`.
   double expected = 0;  ///< Shape: what a bench file that leaves it out means; 0: the lower bound.
   double largest = std::numeric_limits<double>::infinity();  ///< Size: what physics allows at most.
+  /// Size: another one at which a search asks as well, where what it does is no multiple of what the typical
+  /// one does; 0: none.
+  double also = 0;
   int sign = 0;  ///< Size: +1 or -1 when physics allows only one sign.
   /// Size: how far what shows may be from what the parameter means, as a share of it, from device to device.
   /// Part of its stated uncertainty.

@@ -43,31 +43,16 @@ Line stated_line(const Target& target) {
 
 /// Fills in what follows from the surface's normal where it is met.
 void set_normal(const Vector2d& normal, const Vector2d& ray, Hit& hit) {
-  const double facing = normal.dot(ray);
   hit.normal = normal;
-  hit.incidence_rad = std::atan2(quarter_turned(normal).dot(ray), facing);
-  hit.cosine = std::max(grazing, facing);
+  hit.cosine = std::max(grazing, normal.dot(ray));
+  hit.incidence_rad = std::atan2(quarter_turned(normal).dot(ray), hit.cosine);
 }
 
 constexpr double halo_reach_rad = 1.2 * rad_per_deg;
 
-/// A direction beside a beam, and how much of the light from there reaches its echo (`halos_rad`).
-struct Aside {
-  double angle_rad, cos, sin;
-  std::array<double, 3> weights{};
-};
-
-std::vector<Aside> places_aside() {
-  constexpr double step = 0.25 * rad_per_deg;
-  std::vector<Aside> places;
-  for (const int side : {-4, -3, -2, -1, 1, 2, 3, 4}) {
-    const double angle = side * step;
-    Aside aside{angle, std::cos(angle), std::sin(angle)};
-    for (std::size_t k = 0; k < halos_rad.size(); ++k)
-      aside.weights[k] = std::exp2(-std::pow(angle / halos_rad[k], 2));
-    places.push_back(aside);
-  }
-  return places;
+/// Of the plane that a beam and all beside it meet, if they meet one.
+std::optional<double> slope_of_plane(const Hit& own, const Circumstances& c) {
+  return c.alone ? std::optional(std::tan(own.incidence_rad)) : std::nullopt;
 }
 
 }  // namespace
@@ -298,29 +283,64 @@ bool Scene::fills(const Hit& own, double bearing, const Edge* edge) const {
 /// the beams' spacing (fit/mechanisms/crosstalk.cpp).
 void Scene::describe_pull(const Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const {
   constexpr double merged_mm = 500, front_mm = 150;
-  static const std::vector<Aside> asides = places_aside();
+  static const std::vector<Aside> halo = asides(0.25 * rad_per_deg, 1.0 * rad_per_deg, halos_rad,
+                                                [](double of_half) { return std::exp2(-of_half * of_half); });
   c.pull_mm = c.pull_apart_mm = c.pull_front_mm = {};
-  const double slope = std::tan(own.incidence_rad);
-  for (const Aside& aside : asides) {
-    double range_mm = 0, light = 0;
-    if (c.alone) {  // a plane: range and light in closed form
-      const double nearer = aside.cos - slope * aside.sin;
-      range_mm = own.range_mm / nearer;
-      light = nearer * nearer * nearer;
-    } else {
-      const Hit other = look(origin, bearing + aside.angle_rad);
-      if (other.target < 0) continue;
-      range_mm = other.range_mm;
-      light = power(other) / power(own);
-    }
-    const double gap = range_mm - own.range_mm, near = std::clamp(gap, -front_mm, front_mm);
+  const std::optional<double> slope = slope_of_plane(own, c);
+  for (const Aside& aside : halo) {
+    const std::optional<Beside> there = beside(origin, bearing, own, aside, slope);
+    if (!there) continue;
+    const double gap = there->range_mm - own.range_mm, near = std::clamp(gap, -front_mm, front_mm);
     const bool is_apart = std::abs(gap) > merged_mm;
     for (std::size_t k = 0; k < halos_rad.size(); ++k) {
-      const double share = light * aside.weights[k];
+      const double share = there->light * aside.weights[k];
       (is_apart ? c.pull_apart_mm : c.pull_mm)[k] += share * std::clamp(gap, -merged_mm, merged_mm);
       if (!is_apart) c.pull_front_mm[k] -= share * near * near / front_mm;
     }
   }
+}
+
+std::vector<Scene::Aside> Scene::asides(double step_rad, double most_rad,
+                                        const std::array<double, 3>& widths_rad, double (*weight)(double)) {
+  std::vector<Aside> list;
+  const int most = static_cast<int>(std::lround(most_rad / step_rad));
+  for (int k = -most; k <= most; ++k) {
+    const double angle = k * step_rad;
+    Aside aside{angle, std::cos(angle), std::sin(angle)};
+    for (std::size_t w = 0; w < widths_rad.size(); ++w) aside.weights[w] = weight(angle / widths_rad[w]);
+    list.push_back(aside);
+  }
+  return list;
+}
+
+std::optional<Scene::Beside> Scene::beside(const Vector2d& origin, double bearing, const Hit& own,
+                                           const Aside& aside, std::optional<double> slope) const {
+  if (slope) {
+    const double nearer = aside.cos - *slope * aside.sin;
+    return Beside{own.range_mm / nearer, nearer * nearer * nearer};
+  }
+  const Hit other = look(origin, bearing + aside.angle_rad);
+  if (other.target < 0) return std::nullopt;
+  return Beside{other.range_mm, power(other) / power(own)};
+}
+
+/// All that a wide beam meets (fit/mechanisms/mixed_pixel.cpp).
+void Scene::describe_spread(const Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const {
+  static const std::vector<Aside> within =
+      asides(0.05 * rad_per_deg, 1.2 * rad_per_deg, wide_beams_rad,
+             [](double widths) { return std::exp(-widths * widths / 2); });
+  const std::optional<double> slope = slope_of_plane(own, c);
+  std::array<double, 3> light{}, range_mm{};
+  for (const Aside& aside : within) {
+    const std::optional<Beside> there = beside(origin, bearing, own, aside, slope);
+    if (!there) continue;
+    for (std::size_t k = 0; k < light.size(); ++k) {
+      const double share = aside.weights[k] * there->light;
+      light[k] += share;
+      range_mm[k] += share * (there->range_mm - own.range_mm);
+    }
+  }
+  for (std::size_t k = 0; k < light.size(); ++k) c.spread_mm[k] = range_mm[k] / light[k];
 }
 
 void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, const std::vector<Edge>& edges,
@@ -343,6 +363,8 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   }
   c.alone = fills(hit, bearing, edge);
   describe_pull(origin, bearing, hit, c);
+  c.spread_mm = {};
+  if (!edge || std::abs(c.edge_rad) > 3 * wide_beams_rad.back()) describe_spread(origin, bearing, hit, c);
 }
 
 const Edge* nearest_edge(const std::vector<Edge>& edges, double bearing) {

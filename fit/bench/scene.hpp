@@ -100,7 +100,23 @@ class Scene {
   [[nodiscard]] double power(const Hit& hit) const;
   /// Whether that surface is flat and all that stray light comes from.
   [[nodiscard]] bool fills(const Hit& own, double bearing, const Edge* edge) const;
+  /// A direction beside a beam, and weights of the light from there.
+  struct Aside {
+    double angle_rad, cos, sin;
+    std::array<double, 3> weights{};
+  };
+  /// `weight` of an angle in units of each of three widths.
+  [[nodiscard]] static std::vector<Aside> asides(double step_rad, double most_rad,
+                                                 const std::array<double, 3>& widths_rad,
+                                                 double (*weight)(double));
+  struct Beside {
+    double range_mm, light;  ///< Over that of the beam.
+  };
+  /// What a ray beside another one meets; `slope`: of the plane that is all it can meet.
+  [[nodiscard]] std::optional<Beside> beside(const Eigen::Vector2d& origin, double bearing, const Hit& own,
+                                             const Aside& aside, std::optional<double> slope) const;
   void describe_pull(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
+  void describe_spread(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
 
   std::vector<Surface> surfaces_;
 };

@@ -9,18 +9,30 @@ namespace fit::explain::channels {
 namespace {
 
 /// Samples beside an edge that lie between the two surfaces, on neither. Beams that meet both at once do
-/// that, as often as it was seen on the whole, for no width says how often. Strays lie there as often as
-/// anywhere.
+/// that, as often as it was seen on the whole, for no width says how often: whatever the predictor comes to
+/// beyond that is that. Strays lie there as often as anywhere.
 class Blends final : public model::Counts {
  public:
   Blends(std::vector<Row> rows, std::vector<double> shares)
       : Counts(std::move(rows)), shares_(std::move(shares)), blended_(hazard(on_the_whole())) {}
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    constexpr double hardly_wide_rad = 0.01 * rad_per_deg;
+    constexpr double hardly_wide_rad = 0.01 * rad_per_deg, beyond = 25;  // whatever a fit makes of the width
     const double wide = std::min(1.0, effect.footprint_rad / hardly_wide_rad);
-    return wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
+    return beyond * wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
+
+ protected:
+  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
+    return Counts::log_likelihood(row, std::min(eta, blended_));
+  }
+  [[nodiscard]] double score(const Row& row, double eta) const override {
+    return eta < blended_ ? Counts::score(row, eta) : 0;
+  }
+  [[nodiscard]] double information(const Row& row, double eta) const override {
+    constexpr double hardly_any = 1e-9;
+    return eta < blended_ ? Counts::information(row, eta) : hardly_any;
+  }
 
  private:
   std::vector<double> shares_;  ///< Of all places where strays may lie.

@@ -15,11 +15,14 @@ class Strays final : public model::Counts {
  public:
   Strays(std::vector<Row> rows, std::vector<Side> sides, std::vector<double> shares)
       : Counts(std::move(rows)), sides_(std::move(sides)), shares_(std::move(shares)) {
-    Columns base;  // a tail of the noise ends close to the target
-    base.columns.resize(this->Strays::rows(), 1);
-    for (Eigen::Index i = 0; i < this->Strays::rows(); ++i)
-      base.columns(i, 0) = sides_[static_cast<std::size_t>(i)] == Side::far ? 0 : 1;
-    base.prior = Prior::around_zero(1, numbers::tail_hazard);
+    Columns base;  // a tail of the noise ends close to the target; a rare stray may lie anywhere
+    base.columns.resize(this->Strays::rows(), 2);
+    for (Eigen::Index i = 0; i < this->Strays::rows(); ++i) {
+      const auto row = static_cast<std::size_t>(i);
+      base.columns.row(i) << (sides_[row] == Side::far ? 0 : 1), shares_[row];
+    }
+    base.prior = Prior::around_zero(2, 1);
+    base.prior.sigma << numbers::tail_hazard, numbers::stray_hazard;
     set_base(std::move(base));
   }
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {

@@ -35,6 +35,7 @@ constexpr double merged_rad = 4 * rad_per_deg;  ///< ... in so many degrees; bey
 constexpr double least_hazard = 1e-6;           ///< Of a lost or stray sample, where nothing is missing.
 constexpr double tail_hazard =
     5e-5;  ///< Of a sample that noise of a real receiver puts beyond any normal one.
+constexpr double stray_hazard = 2e-5;      ///< Of a sample of a real receiver that lies anywhere.
 constexpr double hazard_of_losses = 1e-3;  ///< Of an echo that is lost whatever it met.
 constexpr double form_mm = 3, form_scale = 1e-3, form_deg = 0.05, form_mm2 = 9, form_share = 0.01,
                  form_log_intensity = 0.1, form_inflation = 1;  ///< Typical sizes of forms.

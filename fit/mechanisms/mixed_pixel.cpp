@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 
-#include "fit/mechanism.hpp"
+#include "fit/wide_beam.hpp"
 
 namespace fit::mechanisms {
 
 // Within half a footprint of an edge the echo is front, back or between (Cooper et al. 2018; physics of the
-// footprint: weight Phi(d / w)).
+// footprint: weight Phi(d / w)). A receiver may time all light of the beam: beside an inner corner, where it
+// meets both walls, and on a slanted one the range is the mean by light then, which is short.
 Mechanism make_mixed_pixel() {
   Mechanism m;
   m.id = "mixed-pixel";
@@ -14,19 +15,31 @@ Mechanism make_mixed_pixel() {
   m.observable = Observable::range_distribution;
   m.coordinate = Coordinate::edge_distance;
   m.geometric = true;
+  m.formula_error = 0.25;
   // A receiver that favours the first or the stronger of two echoes changes over in less than the beam's
   // width.
   // How light is spread over the beam, and how far counts follow it, differ from device to device.
-  m.parameters = {{.name = "width_deg", .typical = 0.2, .sign = 1, .own_affair = 0.5},
-                  {.name = "mixing",  // of the width: in which ranges change over
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0.02,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 4}};
-  m.act = [](const Circumstances&, std::span<const double> p) {
-    return Effect{.footprint_rad = p[0] * p[1] * rad_per_deg, .light_rad = p[0] * rad_per_deg};
+  m.parameters = {
+      {.name = "width_deg", .typical = 0.2, .largest = 1.5, .also = 0.4, .sign = 1, .own_affair = 0.5},
+      {.name = "mixing",  // of the width: in which ranges change over
+       .role = Parameter::Role::shape,
+       .expected = 1,
+       .lower = 0.02,
+       .upper = 1,
+       .generalises = true,
+       .starts = 4},
+      {.name = "averaging",  // how far ranges of slanted walls and inner corners are means by light
+       .role = Parameter::Role::shape,
+       .lower = 0,
+       .upper = 1,
+       .generalises = true,
+       .starts = 2,
+       .logarithmic = false}};
+  m.act = [](const Circumstances& c, std::span<const double> p) {
+    const double mixed_rad = p[0] * p[1] * rad_per_deg;
+    return Effect{.range_mm = p[2] * spread_at_mm(c, mixed_rad),
+                  .footprint_rad = mixed_rad,
+                  .light_rad = p[0] * rad_per_deg};
   };
   m.shows = [](const Finding& f, const Recorded&) {
     const double reach = std::max(0.03, 1.5 * f.at("width_deg").value);

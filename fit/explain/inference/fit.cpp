@@ -36,18 +36,40 @@ Quadratic about(const Optimum& optimum, const Eigen::MatrixXd& all, const Design
   return q;
 }
 
+/// Whether a term acts where the information depends on where it is taken.
+bool is_uneven(const Session& session, const Design& design, const Design::Block& block) {
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    const auto& rows = session.channels()[c];
+    if (!rows || rows->has_fixed_information()) continue;
+    const std::vector<Index>& index = design.parts[c].index;
+    for (std::size_t k = 0; k < index.size(); ++k)
+      if (index[k] >= block.first && index[k] < block.first_shape() &&
+          !design.parts[c].columns.col(static_cast<Index>(k)).isZero())
+        return true;
+  }
+  return false;
+}
+
 /// The prior's factor that suits a term best, and what the integral over it adds to the evidence at the
-/// present one.
+/// present one. Of counts and variances the likelihood is no quadratic: what it says here holds for priors of
+/// about these sizes, and that others would suit better is for a fit with those to say.
 struct Rescaled {
   double factor = 1, added = 0;
+  bool suits = true;  ///< Or the next one.
 };
-Rescaled rescaled(const Optimum& optimum, const Eigen::MatrixXd& held, const Design& design,
-                  const Design::Block& block, const Term& term) {
+Rescaled rescaled(const Session& session, const Optimum& optimum, const Eigen::MatrixXd& held,
+                  const Design& design, const Design::Block& block, const Term& term) {
   if (block.sizes == 0) return {};
   const Quadratic q = about(optimum, held, design, block.first, block.sizes);
   constexpr double farthest = 32;  // beyond that, what steps leave undone would grow to evidence
-  const OverFactors over = integrate_over_factors(q, *term.kind, farthest * term.factor);
-  return {over.factor, over.log_evidence - integrate(q, prior_of(*term.kind, term.factor)).log_evidence};
+  static const double near = std::exp(1.5 * numbers::size_factor_log);
+  const OverFactors over = integrate_over_factors(q, *term.kind, {0, farthest * term.factor});
+  const double here = integrate(q, prior_of(*term.kind, term.factor)).log_evidence;
+  const bool suits = over.factor <= near * term.factor && over.factor >= term.factor / near;
+  if (!is_uneven(session, design, block)) return {over.factor, over.log_evidence - here, suits};
+  const OverFactors nearby =
+      integrate_over_factors(q, *term.kind, {term.factor / near, near * term.factor, here});
+  return {over.factor, nearby.log_evidence - here, suits};
 }
 
 /// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a
@@ -130,12 +152,9 @@ Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, c
   return x;
 }
 
-/// Whether a term's size is, within its standard uncertainty, what its deviations were taken for shares of,
-/// and its prior of the factor that suits it, or the next one.
+/// Whether a term's size is, within its standard uncertainty, what its deviations were taken for shares of.
 bool suits_size(const Optimum& optimum, const Design& design, const Design::Block& block,
-                const Eigen::MatrixXd& covariance, const Term& term, double factor) {
-  if (block.sizes > 0 && std::abs(std::log(factor / term.factor)) > 1.5 * numbers::size_factor_log)
-    return false;
+                const Eigen::MatrixXd& covariance, const Term& term) {
   if (block.deviations == 0) return true;
   const Eigen::VectorXd u = covariance.diagonal().segment(block.first, block.sizes).cwiseSqrt();
   return ((optimum.x.segment(block.first, block.sizes) - sizes_of(term, design, block)).array().abs() <=
@@ -166,7 +185,7 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   std::vector<Rescaled> factors;
   for (std::size_t t = 0; t < terms.size(); ++t)
     factors.push_back(
-        rescaled(result.optimum, covariance_held, result.design, result.design.blocks[t], terms[t]));
+        rescaled(session, result.optimum, covariance_held, result.design, result.design.blocks[t], terms[t]));
   h.log_evidence =
       log_evidence_of(result.optimum, held, result.design, covariance, terms, factors, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
@@ -175,7 +194,7 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
     Term& there = h.terms.back();
     there.factor = factors[t].factor;
     result.suits_sizes &=
-        suits_size(result.optimum, result.design, block, covariance, terms[t], there.factor);
+        factors[t].suits && suits_size(result.optimum, result.design, block, covariance, terms[t]);
   }
   return result;
 }
@@ -192,14 +211,12 @@ std::vector<Term> part_of_way(const std::vector<Term>& from, const std::vector<T
   return list;
 }
 
-}  // namespace
-
-Fitted fit(const Session& session, const Hypothesis& hypothesis) {
+/// From wide priors: narrow ones would hold sizes where they are.
+Fitted fit_widely(const Session& session, const Hypothesis& hypothesis) {
   constexpr int most_rounds = 12;
   constexpr double settled = 0.1, shortest = 0.1;
   std::vector<Term> at = hypothesis.terms;
-  for (Term& term : at)
-    term.factor = std::max(1.0, term.factor);  // a narrow prior would hold sizes where they are
+  for (Term& term : at) term.factor = std::max(1.0, term.factor);
   Fitted best;
   best.hypothesis.base = hypothesis.base;
   best = solved(session, at, best);
@@ -232,6 +249,20 @@ Fitted fit(const Session& session, const Hypothesis& hypothesis) {
     if (counts && best.suits_sizes && gain < settled) break;
   }
   if (!best.suits_sizes && suitable) return *std::move(suitable);
+  return best;
+}
+
+}  // namespace
+
+Fitted fit(const Session& session, const Hypothesis& hypothesis) {
+  constexpr int most_rounds = 3;
+  Fitted best = fit_widely(session, hypothesis);
+  for (int round = 0; round < most_rounds && !best.suits_sizes; ++round) {
+    // The evidence is an integral over priors: of two parts of it, the larger one counts.
+    Fitted next = solved(session, best.hypothesis.terms, best);
+    if (next.hypothesis.log_evidence < best.hypothesis.log_evidence) break;
+    best = std::move(next);
+  }
   return best;
 }
 

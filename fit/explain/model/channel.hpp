@@ -33,6 +33,9 @@ class Rows {
   [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
   /// Ranges of the cells that were taken together in the row, where a comb may have other teeth; empty: one.
   [[nodiscard]] virtual std::span<const double> ranges_mm(Eigen::Index) const { return {}; }
+  /// Times since the stage's last move of scans that were taken together in the row, where it shows by how
+  /// much an angle differs among them; empty: it does not.
+  [[nodiscard]] virtual std::span<const double> times_s(Eigen::Index) const { return {}; }
   /// Of a row that shows how much differs from scan to scan: those that it saw. None: it shows something
   /// else.
   [[nodiscard]] virtual Draws draws(Eigen::Index) const { return {}; }

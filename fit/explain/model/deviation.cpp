@@ -126,7 +126,8 @@ Eigen::MatrixXd of_corners(const Rows& channel, const Term& term, const Eigen::V
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     if (!std::isfinite(at.corner_mm)) continue;
-    const double size = m.formula_error * channel.response(i, m.act(at, term.values));
+    const Effect there{.range_mm = m.act(at, term.values).range_mm};
+    const double size = m.formula_error * channel.response(i, there);
     columns(i, corners.at({at.target, at.along_mm > 0})) = size;
     for (int k = 1; k <= cosines; ++k)
       columns(i, shares + k - 1) = size / (k * k) * std::cos(k * pi * (x[i] + 1) / 2);
@@ -230,7 +231,8 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   if (const auto width = m.parameter_of(Parameter::Scale::width)) return of_local(channel, term, *width);
   const Eigen::VectorXd x = scaled(channel, m.coordinate);
-  if (m.coordinate == Coordinate::target && m.geometric) return of_corners(channel, term, x);
+  if (m.geometric && (m.coordinate == Coordinate::target || m.coordinate == Coordinate::edge_distance))
+    return of_corners(channel, term, scaled(channel, Coordinate::target));
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);

@@ -90,17 +90,20 @@ double log_possible(const model::Kind& kind, const Eigen::VectorXd& value,
   return sum;
 }
 
-OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind, double most_factor) {
+OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind,
+                                   const FactorRange& range) {
   const Index k = likelihood.along.size();
   OverFactors result;
   std::vector<double> logs;
   double most = -1e300;
   for (const Factor& f : factors_of(kind)) {
-    if (f.factor > most_factor && !logs.empty()) continue;
+    if ((f.factor < range.least || f.factor > range.most) && !(f.factor > range.most && logs.empty()))
+      continue;
     Prior prior = prior_of(kind, f.factor);
     prior.append(Prior::around_zero(k - prior.mean.size()));
     Integral one = integrate(likelihood, prior);
-    one.log_evidence += f.log_weight + log_possible(kind, one.value, one.covariance);
+    one.log_evidence = std::min(one.log_evidence, range.highest) + f.log_weight +
+                       log_possible(kind, one.value, one.covariance);
     logs.push_back(one.log_evidence);
     if (one.log_evidence <= most) continue;
     most = one.log_evidence;

@@ -41,10 +41,13 @@ struct OverFactors {
   double factor = 1;
   double log_evidence = -1e300;  ///< Integrated over the factor.
 };
-/// The first coefficients are those of the kind, any others have standard normal priors. Factors up to
-/// `most_factor`.
+/// Factors between two, of which a likelihood is known well enough, and the log evidence that none exceeds.
+struct FactorRange {
+  double least = 0, most = 1e300, highest = 1e300;
+};
+/// The first coefficients are those of the kind, any others have standard normal priors.
 [[nodiscard]] OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kind& kind,
-                                                 double most_factor = 1e300);
+                                                 const FactorRange& range = {});
 
 /// Of the matrix that was factored.
 [[nodiscard]] double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor);

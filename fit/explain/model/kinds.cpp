@@ -80,6 +80,15 @@ std::vector<std::vector<double>> grid_of(const Kind& kind, const ListOfChannels&
       }
     grid = std::move(finer);
   }
+  for (std::size_t k = 0; k < first.size(); ++k) {
+    const Parameter& p = kind.mechanism->parameters[k];
+    if (p.role != Role::size || p.also == 0 || first[k] == 0) continue;
+    const std::size_t asked = grid.size();
+    for (std::size_t i = 0; i < asked; ++i) {
+      grid.push_back(grid[i]);
+      grid.back()[k] = p.also;
+    }
+  }
   return grid;
 }
 
@@ -126,7 +135,7 @@ Kind::Acting acting_in(const ChannelRows& channel, const Kind& kind) {
     return any_start(kind, [&](const std::vector<double>& start) {
       const std::vector<double> values = changed(start);
       return any_row(channel, kind, [&](Index i) {
-        const double r = channel.response(i, kind.mechanism->act(channel.at(i), values));
+        const double r = channel.response(i, effect_at(channel, i, kind, values));
         return std::isfinite(r) && std::abs(r) > 1e-9;
       });
     });

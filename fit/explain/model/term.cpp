@@ -15,11 +15,9 @@ bool acts_there(const Kind& kind, const Circumstances& at) {
   return kind.target < 0 || at.target == kind.target;
 }
 
-/// What a mechanism does there; of a comb, on average over the cells that are taken together in the row.
-Effect effect_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
-  const std::span<const double> ranges_mm = channel.ranges_mm(row);
-  if (!kind.bins || ranges_mm.empty()) return kind.mechanism->act(channel.at(row), values);
-  Circumstances at = channel.at(row);
+/// On average over the cells that are taken together in a row, where a comb may have other teeth.
+Effect of_comb(const Kind& kind, Circumstances at, std::span<const double> ranges_mm,
+               const std::vector<double>& values) {
   Effect mean;  // a comb changes nothing but ranges
   for (const double range_mm : ranges_mm) {
     at.range_mm = range_mm;
@@ -91,6 +89,24 @@ double step_of_comb(const Rows& channel, double bin_mm) {
 }
 
 }  // namespace
+
+Effect effect_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
+  const std::span<const double> ranges_mm = channel.ranges_mm(row), times_s = channel.times_s(row);
+  if (kind.bins && !ranges_mm.empty()) return of_comb(kind, channel.at(row), ranges_mm, values);
+  Effect effect = kind.mechanism->act(channel.at(row), values);
+  if (times_s.empty() || effect.stage_rad == 0) return effect;
+  Circumstances at = channel.at(row);
+  double sum = 0, squares = 0;
+  for (const double time_s : times_s) {
+    at.since_move_s = time_s;
+    const double angle_rad = kind.mechanism->act(at, values).stage_rad;
+    sum += angle_rad;
+    squares += angle_rad * angle_rad;
+  }
+  const auto n = static_cast<double>(times_s.size());
+  effect.scan_angle_variance_rad2 += std::max(0.0, squares / n - sum * sum / (n * n));
+  return effect;
+}
 
 std::vector<Coefficient> coefficients_of(const Mechanism& mechanism,
                                          const std::function<int(std::size_t size)>& power_of) {

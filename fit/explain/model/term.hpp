@@ -88,6 +88,10 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// Of these, those that have values between the starts.
 [[nodiscard]] std::vector<std::size_t> refined_shapes_of(const Kind& kind);
 
+/// What a mechanism at values does in a row. An angle that differs among the row's scans is one that is
+/// drawn.
+[[nodiscard]] Effect effect_at(const Rows& channel, Eigen::Index row, const Kind& kind,
+                               const std::vector<double>& values);
 /// What a term at values does to a channel, per coefficient. `acting`: what is known to act there; else all
 /// of it may.
 [[nodiscard]] Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind,

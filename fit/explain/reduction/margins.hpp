@@ -29,6 +29,11 @@ constexpr double doubt_of_mount = 3;
 /// Within this of an edge, part of a beam of usual width passes it.
 inline constexpr double beside_rad = 0.5 * rad_per_deg;
 
+/// From this incidence on ranges hang too much on where a surface is; a round one ends soon after.
+[[nodiscard]] inline double grazing_rad(const Target& target) {
+  return (target.round ? 65 : 78) * rad_per_deg;
+}
+
 /// Standard half width of a beam where no edge shows it.
 inline constexpr double usual_width_rad = 0.15 * rad_per_deg;
 
@@ -41,8 +46,8 @@ inline constexpr double widths_of_beam = 3.5;
 [[nodiscard]] double doubt_at_edge_mm(const Sight& sight, double edge_rad, double gap_mm, double width_rad);
 
 /// States of every cell what its mean may be off because a beam of that standard half width meets a second
-/// surface too: beside an edge as much as both are apart, beside an inner corner as much as the beam is wide.
-/// How a receiver mixes both no formula says well enough.
+/// surface too: beside an edge as much as both are apart, beside an inner corner a share of what the mean
+/// over the beam makes of it. How a receiver mixes both no formula says well enough.
 void doubt_wide_beams(Reduced& reduced, double width_rad);
 
 /// States of cells that count and meet another target there than their own by how much both are apart. They

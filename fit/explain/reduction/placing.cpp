@@ -12,7 +12,6 @@ namespace {
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
 constexpr double edge_window_rad = 2.5 * rad_per_deg;
-constexpr double grazing_rad = 78 * rad_per_deg;
 
 Circumstances circumstances(const Reduced& session, const Setting& setting, const Cell& cell, double beam_s) {
   const auto& [capture, group, samples, scene, edges] = setting;
@@ -35,7 +34,8 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
 }
 
 /// Whether the mean may be compared with a surface, or only may not because of what is doubtful.
-void judge_place(const Mount& mount, const Setting& setting, const Beams& beams, Cell& cell) {
+void judge_place(const Bench& bench, const Setting& setting, const Beams& beams, Cell& cell) {
+  const Mount& mount = bench.lidar.mount;
   const Samples& samples = setting.samples;
   const Circumstances& c = cell.at;
   const double half_rad = half_width_rad(cell), sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
@@ -43,7 +43,7 @@ void judge_place(const Mount& mount, const Setting& setting, const Beams& beams,
       setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway, half_rad);
   const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2 - half_rad;
   const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
-  const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad;
+  const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad(bench.target_at(cell.sight.target));
   cell.smooth = !near_edge && !near_corner && !slanted;
   cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
   cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm, usual_width_rad);
@@ -73,7 +73,6 @@ void find_edge(const Bench& bench, const Setting& setting, Cell& cell) {
 }  // namespace
 
 Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) {
-  const Mount& mount = session.bench.lidar.mount;
   Cell cell;
   cell.beam_rad = beams.midway(setting.samples.beam_rad);
   cell.sight = setting.scene.look(setting.group.stage_rad, cell.beam_rad);
@@ -84,7 +83,7 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
     cell.joined_rad = beams.spread(setting.samples.beam_rad);
     cell.joined_lever_mm = cell.sight.beam_lever();
   }
-  judge_place(mount, setting, beams, cell);
+  judge_place(session.bench, setting, beams, cell);
   find_edge(session.bench, setting, cell);
   return cell;
 }

@@ -61,7 +61,7 @@ class Reassignment {
     Circumstances& at = met.at;
     at.corner_mm = at.edge_rad = std::numeric_limits<double>::infinity();
     at.gap_mm = 0;
-    at.pull_mm = at.pull_apart_mm = at.pull_front_mm = {};
+    at.pull_mm = at.pull_apart_mm = at.pull_front_mm = at.spread_mm = {};
     const int target = met.sight.target;
     if (target >= 0) {
       scene.describe(met.sight, edges, at);
@@ -71,10 +71,12 @@ class Reassignment {
     return met;
   }
 
-  /// A smooth cell that meets another target or a corner.
+  /// A smooth cell that meets another target, a corner, or a surface at grazing incidence.
   bool leaves_out(Cell& cell, const Met& now) {
+    constexpr double hardly_rad = 2 * rad_per_deg;  // a wall that turns by less stays
     // By geometry alone: how far a mean is off must not decide whether it counts.
     if (now.sight.target == cell.sight.target &&
+        std::abs(now.sight.incidence_rad) < grazing_rad(now) + hardly_rad &&
         now.joint_mm >= corner_margin_mm(now.sight, 0, reduction::half_width_rad(cell)))
       return false;
     cell.smooth = false;
@@ -99,11 +101,16 @@ class Reassignment {
     return true;
   }
 
+  [[nodiscard]] double grazing_rad(const Met& now) const {
+    return reduction::grazing_rad(reduced_.bench.target_at(now.sight.target));
+  }
+
   [[nodiscard]] bool is_clear(const Met& now, const Cell& cell) const {
     const Mount& mount = reduced_.bench.lidar.mount;
     const double half_rad = reduction::half_width_rad(cell),
                  sway = sway_mm(mount, now.sight.range_mm, doubt_left);
-    return now.joint_mm >= corner_margin_mm(now.sight, sway, half_rad) &&
+    return std::abs(now.sight.incidence_rad) < grazing_rad(now) &&
+           now.joint_mm >= corner_margin_mm(now.sight, sway, half_rad) &&
            from_edge(cell.edge, now.at) >= half_rad + edge_margin_rad(cell.edge);
   }
 

@@ -10,14 +10,18 @@
 namespace explain_functions_test {
 namespace {
 
-NoiseFindings found_with(double period_mm) {
+/// `stretch_mm`: by how much ranges are too long.
+template <class Stretch>
+NoiseFindings found_where(const Stretch& stretch_mm) {
   ImaginedRoom room;
   room.sigma_mm = 3;
   room.scans = 16;
-  room.stretch = [period_mm](double, double range_mm, double) {
-    return 3 * std::sin(2 * fit::pi * range_mm / period_mm + 1);
-  };
+  room.stretch = [&](double, double range_mm, double) { return stretch_mm(range_mm); };
   return NoiseFindings(room.record());
+}
+
+NoiseFindings found_with(double period_mm) {
+  return found_where([&](double range_mm) { return 3 * std::sin(2 * fit::pi * range_mm / period_mm + 1); });
 }
 
 }  // namespace
@@ -39,6 +43,21 @@ TEST_CASE(
         return std::ranges::count(set, "unknown-physics") > 0;
       });
   CHECK(may_be_unknown);
+}
+
+TEST_CASE("a range scale that bends has no name of the catalogue") {
+  const NoiseFindings bends =
+      found_where([](double range_mm) { return 0.8 * std::pow(range_mm / 1000 - 2.5, 2); });
+  INFO(bends.in_words());
+  const bool may_be_unknown =
+      !bends.unknown.empty() || std::ranges::any_of(bends.undecided, [](const auto& set) {
+        return std::ranges::count(set, "unknown-physics") > 0;
+      });
+  CHECK(may_be_unknown);
+  for (const auto& found : bends.accepted) {  // what an offset or a scale may be beside it
+    INFO(found.mechanism->id);
+    CHECK((found.mechanism->id == "zero-offset" || found.mechanism->id == "range-scale"));
+  }
 }
 
 }  // namespace explain_functions_test

@@ -158,4 +158,20 @@ TEST_CASE("the light that round posts send back from their sides says nothing of
   CHECK(of_posts == 0);
 }
 
+TEST_CASE("where posts end is not known well enough for ranges at their sides to tell of anything",
+          "[rounds]") {
+  for (const unsigned seed : some_of<unsigned>({31, 32, 33, 34, 35, 36, 37, 38, 39, 40})) {
+    PlainScene scene{.walls = plain_bench::furnished, .posts = with_posts.posts, .u_mm = 4};
+    scene.steps = 361;
+    scene.front_step = 180;
+    scene.u_mount_mm = 10;
+    scene.u_yaw_deg = 1;
+    SyntheticRecording recording = plain_bench::recorded(scene, seed, nothing);
+    plain_bench::turn_round(recording, scene, 6, 120);
+    const Explanation e = fit::explain::explain({&recording}, {});
+    INFO("seed " << seed << "\n" << to_text(e));
+    CHECK(e.verdict == "nothing-missing");
+  }
+}
+
 }  // namespace explain_scenes_test

@@ -31,6 +31,7 @@ struct Beam {
   /// What lies aside, with halos midway between two: ranges less the own by their light, those that come
   /// apart, and the squares over 150 mm of those that do not.
   double pull = 0, apart = 0, front = 0;
+  double spread = 0;  ///< Mean range of a beam of 0.2 deg by its light, less the own.
 
   [[nodiscard]] fit::Circumstances circumstances() const {
     fit::Circumstances c;
@@ -54,6 +55,7 @@ struct Beam {
     c.pull_mm = {pull / 2, pull * 2 / 3, pull * 4 / 3};
     c.pull_apart_mm = {apart / 2, apart * 2 / 3, apart * 4 / 3};
     c.pull_front_mm = {front / 2, front * 2 / 3, front * 4 / 3};
+    c.spread_mm = {spread / 4, spread, 4 * spread};
     return c;
   }
 };
@@ -184,8 +186,9 @@ const std::map<std::string, Equation>& equations() {
       {"target-curvature", {{{"sagitta_mm", 3}},
         [](const Beam& x) { return range(3 * (1 - std::pow(x.along / x.half, 2)) / std::cos(x.i)); }}},
 
-      {"mixed-pixel", {{{"width_deg", 0.2}, {"mixing", 0.25}}, [](const Beam&) {
-          return fit::Effect{.footprint_rad = 0.05 * degree, .light_rad = 0.2 * degree};
+      {"mixed-pixel", {{{"width_deg", 0.8}, {"mixing", 0.25}, {"averaging", 0.5}}, [](const Beam& x) {
+          return fit::Effect{
+              .range_mm = 0.5 * x.spread, .footprint_rad = 0.2 * degree, .light_rad = 0.8 * degree};
         }}},
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
       {"intensity-noise", {{{"sigma_mm_at_100_counts", 3}, {"exponent", 1}},
@@ -300,7 +303,8 @@ std::vector<Beam> all_sorts() {
                     .corner = 20 + 500 * x,
                     .pull = 300 * std::sin(5 * x),
                     .apart = 400 * std::sin(3 * x),
-                    .front = -100 * x});
+                    .front = -100 * x,
+                    .spread = -5 * x});
   }
   return list;
 }
@@ -340,6 +344,26 @@ SyntheticRecording small_scene() {
   return recording;
 }
 
+/// Mean range of a beam of 0.2 deg by its light, less the range of its middle; beside an edge 0.
+double spread_of(const plain_bench::Met& met, const std::vector<plain_bench::Wall>& walls, double stage_rad,
+                 double beam_rad, plain_bench::Deviation off) {
+  double light = 0, sum_mm = 0;
+  const double middle_rad = off.beam_rad;
+  for (int k = -24; k <= 24; ++k) {
+    const double aside_deg = 0.05 * k;
+    off.beam_rad = middle_rad + aside_deg * degree;
+    const auto other = plain_bench::look(walls, mount, stage_rad, beam_rad, off);
+    if (!other) continue;
+    const double gap = other->range_mm - met.range_mm;
+    if (std::abs(gap) > 500) return 0;
+    const double share = std::exp(-std::pow(aside_deg / 0.2, 2) / 2) * std::cos(other->incidence_rad) /
+                         std::pow(other->range_mm, 2);
+    light += share;
+    sum_mm += share * gap;
+  }
+  return sum_mm / light;
+}
+
 /// What a cell's beam is, and what it meets if it deviates by that.
 Beam of_cell(const fit::explain::Cell& cell, const fit::CaptureInfo& capture,
              const std::vector<plain_bench::Wall>& walls, const plain_bench::Deviation& off) {
@@ -369,6 +393,7 @@ Beam of_cell(const fit::explain::Cell& cell, const fit::CaptureInfo& capture,
     x.pull += light * halo * gap;
     x.front -= light * halo * std::pow(std::min(std::abs(gap), 150.0), 2) / 150;
   }
+  x.spread = spread_of(*met, walls, capture.stage_rad, cell.beam_rad, off);
   return x;
 }
 

@@ -241,4 +241,17 @@ TEST_CASE("a slanted wall pulls its own beams by what lies beside them, in an in
   }
 }
 
+TEST_CASE("a ray that passes a post tells what it would meet nearest, with a slope that is finite") {
+  const fit::Bench bench = bench_of_all();
+  const auto post = static_cast<int>(flat.size());
+  const double middle = std::arg(posts[0].centre),
+               half = std::asin(posts[0].radius / std::abs(posts[0].centre));
+  for (const double aside : {0.999, 1.0, 1.001, 1.3, 2.0}) {
+    const fit::Hit hit = fit::Scene(bench).look_at(post, Vector2d::Zero(), middle + aside * half);
+    INFO(aside << " half widths from its middle");
+    CHECK(std::abs(std::tan(hit.incidence_rad)) < 60);
+    CHECK(std::abs(hit.range_mm - std::abs(posts[0].centre)) < posts[0].radius);
+  }
+}
+
 }  // namespace scene_test
