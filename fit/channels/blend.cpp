@@ -16,7 +16,7 @@ class Blends final : public model::Counts {
   Blends(std::vector<Row> rows, std::vector<double> shares)
       : Counts(std::move(rows)), shares_(std::move(shares)), blended_(hazard(on_the_whole())) {}
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    constexpr double hardly_wide_rad = 0.01 * rad_per_deg, beyond = 25;  // whatever a fit makes of the width
+    constexpr double hardly_wide_rad = 0.05 * rad_per_deg, beyond = 25;  // as of a fifth of that width
     const double wide = std::min(1.0, effect.footprint_rad / hardly_wide_rad);
     return beyond * wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
@@ -60,6 +60,8 @@ model::ChannelKind make_blend() {
     std::vector<model::IndependentRows::Row> rows;
     std::vector<double> shares;
     for (const model::Transition& edge : model::transitions(reduced)) {
+      const int target = edge.edge() / 2;                   // as fit/bench/scene.hpp counts them
+      if (reduced.bench.target_at(target).round) continue;  // its sides lie anywhere between
       const auto [between, samples] = edge.shared();
       if (samples == 0) continue;
       model::IndependentRows::Row row;
