@@ -3,13 +3,14 @@
 
     <!-- NAME -->
     <!-- /NAME -->"""
-import datetime, os, pathlib, re, subprocess
+import datetime, functools, os, pathlib, re, subprocess
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 
+@functools.cache
 def commit():
-    """Of this checkout: "0123abc", "0123abc with changes", "unknown"."""
+    """Of this checkout when first asked: "0123abc", "0123abc with changes", "unknown". What a run writes is no change."""
     def git(*words):
         run = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True)
         return run.stdout.strip() if run.returncode == 0 else ""
