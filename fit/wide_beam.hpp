@@ -17,4 +17,7 @@ namespace fit {
                    (width_rad - wide_beams_rad[k]) / (wide_beams_rad[k + 1] - wide_beams_rad[k]));
 }
 
+/// The share of it to which receivers differ.
+inline constexpr double spread_error = 0.25;
+
 }  // namespace fit

@@ -315,6 +315,7 @@ std::vector<Scene::Aside> Scene::asides(double step_rad, double most_rad,
 
 std::optional<Scene::Beside> Scene::beside(const Vector2d& origin, double bearing, const Hit& own,
                                            const Aside& aside, std::optional<double> slope) const {
+  if (aside.angle_rad == 0) return Beside{own.range_mm, 1};
   if (slope) {
     const double nearer = aside.cos - *slope * aside.sin;
     return Beside{own.range_mm / nearer, nearer * nearer * nearer};

@@ -16,9 +16,9 @@ class Blends final : public model::Counts {
   Blends(std::vector<Row> rows, std::vector<double> shares)
       : Counts(std::move(rows)), shares_(std::move(shares)), blended_(hazard(on_the_whole())) {}
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    constexpr double hardly_wide_rad = 0.05 * rad_per_deg, beyond = 25;  // as of a fifth of that width
-    const double wide = std::min(1.0, effect.footprint_rad / hardly_wide_rad);
-    return beyond * wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
+    constexpr double hardly_wide_rad = 0.01 * rad_per_deg, most = 5;  // a fit may take a fifth of the width
+    const double wide = std::min(most, effect.footprint_rad / hardly_wide_rad);
+    return wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
 

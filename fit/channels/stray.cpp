@@ -21,7 +21,7 @@ class Strays final : public model::Counts {
       const auto row = static_cast<std::size_t>(i);
       base.columns.row(i) << (sides_[row] == Side::far ? 0 : 1), shares_[row];
     }
-    base.prior = Prior::around_zero(2, 1);
+    base.prior = Prior::around_zero(2);
     base.prior.sigma << numbers::tail_hazard, numbers::stray_hazard;
     set_base(std::move(base));
   }

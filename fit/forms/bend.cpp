@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/explain/model/unnamed.hpp"
+#include "fit/forms/whole_axis.hpp"
 
 namespace fit::explain::forms {
 
@@ -11,10 +11,7 @@ Form make_bend() {
   Form f;
   f.id = "bend";
   f.basis = [](const Shape& s, double x, int) { return 1.5 * std::pow((x - s.at) / s.length, 2) - 0.5; };
-  f.along = [](const Axis& axis) {
-    if (axis.coordinate != Coordinate::range) return std::vector<Shape>();
-    return std::vector<Shape>{{.at = (axis.low + axis.high) / 2, .length = (axis.high - axis.low) / 2}};
-  };
+  f.along = [](const Axis& axis) { return all_along(axis, Coordinate::range); };
   f.says = [](const Shape& s, const Course& c) {
     const double between = 1.5 * s.values.front() * c.scale;
     return Described{"the " + c.what + " bends along " + c.coordinate + ": at both ends, " +

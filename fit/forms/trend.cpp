@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 
-#include "fit/explain/model/unnamed.hpp"
+#include "fit/forms/whole_axis.hpp"
 
 namespace fit::explain::forms {
 
@@ -11,10 +11,7 @@ Form make_trend() {
   Form f;
   f.id = "trend";
   f.basis = [](const Shape& s, double x, int) { return (x - s.at) / s.length; };
-  f.along = [](const Axis& axis) {
-    if (axis.coordinate != Coordinate::time) return std::vector<Shape>();
-    return std::vector<Shape>{{.at = (axis.low + axis.high) / 2, .length = (axis.high - axis.low) / 2}};
-  };
+  f.along = [](const Axis& axis) { return all_along(axis, Coordinate::time); };
   f.says = [](const Shape& s, const Course& c) {
     const double all = 2 * s.values.front() * c.scale;
     return Described{"the " + c.what + (all < 0 ? " falls" : " grows") + " evenly along " + c.coordinate +

@@ -15,7 +15,7 @@ Mechanism make_mixed_pixel() {
   m.observable = Observable::range_distribution;
   m.coordinate = Coordinate::edge_distance;
   m.geometric = true;
-  m.formula_error = 0.25;
+  m.formula_error = spread_error;
   // A receiver that favours the first or the stronger of two echoes changes over in less than the beam's
   // width.
   // How light is spread over the beam, and how far counts follow it, differ from device to device.

@@ -36,17 +36,10 @@ Quadratic about(const Optimum& optimum, const Eigen::MatrixXd& all, const Design
   return q;
 }
 
-/// Whether a term acts where the information depends on where it is taken.
+/// Whether any size of a term acts on counts, variances or widths.
 bool is_uneven(const Session& session, const Design& design, const Design::Block& block) {
-  for (std::size_t c = 0; c < design.parts.size(); ++c) {
-    const auto& rows = session.channels()[c];
-    if (!rows || rows->has_fixed_information()) continue;
-    const std::vector<Index>& index = design.parts[c].index;
-    for (std::size_t k = 0; k < index.size(); ++k)
-      if (index[k] >= block.first && index[k] < block.first_shape() &&
-          !design.parts[c].columns.col(static_cast<Index>(k)).isZero())
-        return true;
-  }
+  for (Index k = block.first; k < block.first_shape(); ++k)
+    if (acts_unevenly(session, design, k)) return true;
   return false;
 }
 

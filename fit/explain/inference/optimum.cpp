@@ -152,21 +152,23 @@ Optimum climbed(const Session& session, const Design& design, Optimum now) {
 std::vector<Index> uneven_sizes(const Session& session, const Design& design) {
   std::vector<Index> list;
   for (const Design::Block& block : design.blocks)
-    for (Index k = block.first; k < block.first_shape(); ++k) {
-      bool uneven = false;
-      for (std::size_t c = 0; c < design.parts.size() && design.lower[k] == 0; ++c) {
-        const auto& rows = session.channels()[c];
-        if (!rows || rows->has_fixed_information()) continue;
-        const std::vector<Index>& index = design.parts[c].index;
-        const auto at = std::ranges::find(index, k);
-        uneven = uneven || (at != index.end() && !design.parts[c].columns.col(at - index.begin()).isZero());
-      }
-      if (uneven) list.push_back(k);
-    }
+    for (Index k = block.first; k < block.first_shape(); ++k)
+      if (design.lower[k] == 0 && acts_unevenly(session, design, k)) list.push_back(k);
   return list;
 }
 
 }  // namespace
+
+bool acts_unevenly(const Session& session, const Design& design, Index coefficient) {
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    const auto& rows = session.channels()[c];
+    if (!rows || rows->has_fixed_information()) continue;
+    const std::vector<Index>& index = design.parts[c].index;
+    const auto at = std::ranges::find(index, coefficient);
+    if (at != index.end() && !design.parts[c].columns.col(at - index.begin()).isZero()) return true;
+  }
+  return false;
+}
 
 Optimum optimum_of(const Session& session, const Design& design, const Eigen::VectorXd& start) {
   Optimum now = judged_at(session, design, design.mean, nullptr);

@@ -32,6 +32,9 @@ struct Design {
   std::vector<Block> blocks;     ///< By term.
 };
 [[nodiscard]] Design design_of(const Session& session, const std::vector<Term>& terms);
+/// Whether a coefficient acts where the information depends on where it is taken: on counts, variances,
+/// widths.
+[[nodiscard]] bool acts_unevenly(const Session& session, const Design& design, Eigen::Index coefficient);
 /// Shapes as if they were known: of that information, and of no other coefficient's.
 void hold_shapes(const Design& design, double known, Eigen::MatrixXd& information);
 

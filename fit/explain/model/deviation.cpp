@@ -113,7 +113,8 @@ Eigen::MatrixXd of_wave(const Rows& channel, const Term& term, const Eigen::Vect
 
 /// Every corner sends back another share of the light, and along all of them it may fade in another way: both
 /// in proportion to the effect.
-Eigen::MatrixXd of_corners(const Rows& channel, const Term& term, const Eigen::VectorXd& x) {
+Eigen::MatrixXd of_corners(const Rows& channel, const Term& term) {
+  const Eigen::VectorXd x = scaled(channel, Coordinate::target);
   const Mechanism& m = *term.kind->mechanism;
   std::map<std::pair<int, bool>, Index> corners;
   for (Index i = 0; i < channel.rows(); ++i) {
@@ -230,9 +231,9 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   if (const auto width = m.parameter_of(Parameter::Scale::width)) return of_local(channel, term, *width);
-  const Eigen::VectorXd x = scaled(channel, m.coordinate);
   if (m.geometric && (m.coordinate == Coordinate::target || m.coordinate == Coordinate::edge_distance))
-    return of_corners(channel, term, scaled(channel, Coordinate::target));
+    return of_corners(channel, term);
+  const Eigen::VectorXd x = scaled(channel, m.coordinate);
   const double share = any_curve ? numbers::free_curve_share : m.formula_error;
   if (std::ranges::any_of(kind.coefficients, &Coefficient::has_phase))
     return of_wave(channel, term, x, share);

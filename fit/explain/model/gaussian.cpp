@@ -97,8 +97,7 @@ OverFactors integrate_over_factors(const Quadratic& likelihood, const model::Kin
   std::vector<double> logs;
   double most = -1e300;
   for (const Factor& f : factors_of(kind)) {
-    if ((f.factor < range.least || f.factor > range.most) && !(f.factor > range.most && logs.empty()))
-      continue;
+    if (f.factor < range.least || (f.factor > range.most && !logs.empty())) continue;
     Prior prior = prior_of(kind, f.factor);
     prior.append(Prior::around_zero(k - prior.mean.size()));
     Integral one = integrate(likelihood, prior);

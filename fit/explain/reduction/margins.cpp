@@ -38,9 +38,8 @@ void doubt_wide_beams(Reduced& reduced, double width_rad) {
                  range_mm = cell.sight.range_mm;
     const bool at_edge = std::abs(cell.at.edge_rad) < reach_rad && cell.at.gap_mm > 0,
                at_corner = cell.at.corner_mm * cell.sight.cos_incidence() < reach_rad * range_mm;
-    constexpr double formula_error = 0.25;  // of what a receiver makes of both walls of a corner
     cell.mixed_mm = at_edge     ? cell.at.gap_mm
-                    : at_corner ? formula_error * std::abs(spread_at_mm(cell.at, width_rad))
+                    : at_corner ? spread_error * std::abs(spread_at_mm(cell.at, width_rad))
                                 : 0;
   }
 }
