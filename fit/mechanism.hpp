@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <map>
@@ -44,6 +45,8 @@ struct Circumstances {
   double along_mm = 0;  ///< Position on the target from its middle.
   int along_sign = 1;   ///< +1: along_mm grows with the beam angle; -1: against it.
   double half_length_mm = 1;
+  bool round =
+      false;  ///< The target is: `along_mm` is along its surface, a quarter of a turn at its half length.
   double corner_mm = std::numeric_limits<double>::infinity();  ///< To the next inner corner along the target.
   /// To the next edge with something behind it; positive on the nearer surface.
   double edge_rad = std::numeric_limits<double>::infinity();
@@ -73,10 +76,24 @@ struct Circumstances {
   return 1 / std::max(0.05, cos_incidence);
 }
 
-/// Of a target against what is stated: out along its normal, and turned about its middle, counter-clockwise.
+/// How its target stands against what is stated: out along its normal, and turned about its middle,
+/// counter-clockwise; a round one out and aside (counter-clockwise), and of another radius.
 struct Displacement {
-  double offset_mm = 0, turn_rad = 0;
+  double offset_mm = 0, turn_rad = 0, aside_mm = 0, thicker_mm = 0;
 };
+
+/// What mm out and aside make of the range: on a round target, where it is met.
+[[nodiscard]] inline double range_of_move(const Circumstances& c, double out_mm, double aside_mm) {
+  const double around_rad = c.round ? c.along_mm / c.half_length_mm * pi / 2 : 0;
+  return (out_mm * std::cos(around_rad) - aside_mm * std::sin(around_rad)) *
+         range_per_mm_out(c.cos_incidence);
+}
+
+/// Of which targets something is.
+enum class Targets { any, flat, round };
+[[nodiscard]] inline bool suits(Targets targets, bool round) {
+  return targets == Targets::any || (targets == Targets::round) == round;
+}
 
 /// What a mechanism does to the measurement in given circumstances. Effects of several mechanisms add.
 struct Effect {
@@ -168,7 +185,8 @@ struct Parameter {
   /// Size: another one at which a search asks as well, where what it does is no multiple of what the typical
   /// one does; 0: none.
   double also = 0;
-  int sign = 0;  ///< Size: +1 or -1 when physics allows only one sign.
+  Targets targets = Targets::any;  ///< Size: of which it is.
+  int sign = 0;                    ///< Size: +1 or -1 when physics allows only one sign.
   /// Size: how far what shows may be from what the parameter means, as a share of it, from device to device.
   /// Part of its stated uncertainty.
   double own_affair = 0;
@@ -217,7 +235,8 @@ struct Mechanism {
   Observable observable = Observable::range_mean;
   Coordinate coordinate = Coordinate::range;
   std::vector<Parameter> parameters;
-  bool one_target = false;  ///< Acts on one target, named by the text parameter "target".
+  bool one_target = false;         ///< Acts on one target, named by the text parameter "target" ...
+  Targets targets = Targets::any;  ///< ... of that shape.
   /// How far real causes differ from the formula, as a share of the effect: a scale is a scale, a pulse on a
   /// threshold only resembles an exponential.
   double formula_error = 0.1;
@@ -237,6 +256,9 @@ struct Mechanism {
   /// Of what is local and may move along its coordinate: how far away its middle is, in the coordinate's file
   /// unit. Empty: as far as the place of its middle says.
   std::function<double(const Circumstances&, std::span<const double> values)> away;
+  /// Of a drift: what usually lies between where its formula is zero and where instruments are set to read
+  /// right, mm.
+  std::function<double(std::span<const double> values)> set_right_mm;
   /// Of a mechanism that is nothing but another place of its target, whose effect is not proportional to its
   /// size: that place. Who has the geometry moves the target instead of calling `act`.
   std::function<Displacement(std::span<const double> values)> displaces;

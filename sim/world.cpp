@@ -119,6 +119,8 @@ constexpr double deg = fit::rad_per_deg;
 
 void read_target(Section& s, TargetTruth& target) {
   s.number("offset_mm", target.offset_mm);
+  s.number("aside_mm", target.aside_mm);
+  s.number("thicker_mm", target.thicker_mm);
   s.number("tilt_deg", target.tilt_rad, deg, -45, 45);
   s.number("plumb_deg", target.plumb_rad, deg, -45, 45);
   s.number("sagitta_mm", target.sagitta_mm);
@@ -139,6 +141,7 @@ void read_target(Section& s, TargetTruth& target) {
     moved.number("to_s", target.moved.to_s);
     moved.number("offset_mm", target.moved.offset_mm);
     moved.number("turn_deg", target.moved.turn_rad, deg, -45, 45);
+    moved.number("aside_mm", target.moved.aside_mm);
   });
 }
 

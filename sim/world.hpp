@@ -17,6 +17,8 @@ namespace sim {
 /// A target as it really is, where that differs from what the bench says.
 struct TargetTruth {
   double offset_mm = 0;     ///< Along its outward normal.
+  double aside_mm = 0;      ///< Of a round one: across that, counter-clockwise.
+  double thicker_mm = 0;    ///< Of a round one: its radius.
   double tilt_rad = 0;      ///< In the plan, about its middle.
   double plumb_rad = 0;     ///< Out of the vertical; matters where beams rise.
   double sagitta_mm = 0;    ///< Bent to a circle; positive: its middle is farther away.
@@ -28,11 +30,11 @@ struct TargetTruth {
   struct Stripe {
     double from_mm = 0, to_mm = 0, reflectance = 0;
   };
-  std::vector<Stripe> stripes;  ///< Places along the target, from its middle.
+  std::vector<Stripe> stripes = {};  ///< Places along the target, from its middle.
   /// Pushed after that time since power-on, and put back after the other.
   struct Move {
-    double from_s = 0, to_s = 1e9, offset_mm = 0, turn_rad = 0;
-  } moved;
+    double from_s = 0, to_s = 1e9, offset_mm = 0, turn_rad = 0, aside_mm = 0;
+  } moved = {};
 };
 
 /// Everything that makes up a device and its room, as causes. The defaults are a good device without faults.

@@ -356,6 +356,7 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   c.along_sign = hit.along_sign;
   c.normal = hit.normal;
   c.half_length_mm = of(hit.target).half_mm;
+  c.round = of(hit.target).is_round();
   c.corner_mm = to_corner_mm(hit);
   const Edge* edge = nearest_edge(edges, bearing);
   if (edge) {

@@ -25,6 +25,10 @@ SpreadResult before_the_model(Reduced& reduced) {
   const auto widths = model::widths_of(model::transitions(reduced));
   if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
   result.sigma_mm = reduced.typical_sigma_mm();
+  for (const int target : reduced.unmet)
+    result.unknown.push_back(
+        {.describes = "no beam meets target '" + reduced.bench.target_at(target).name +
+                      "' where the bench file has it: correct its place, or take it out"});
   find_coarse_steps(reduced, result.sigma_mm, result);
   reduced.vibration_hz = vibration(reduced, result);
   return result;

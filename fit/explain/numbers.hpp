@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstddef>
 
 #include "fit/numeric/angle.hpp"
@@ -13,6 +14,7 @@ constexpr double forms_expected = 0.1;     ///< Missing outside of it.
 constexpr double size_factor_log = 1.15;   ///< Scale of the logarithm of a prior size's factor.
 constexpr double free_curve_share = 0.5;  ///< By which a curve of which only the coordinate is certain bends.
 constexpr int smooth_deviations = 6;      ///< Cosines by which a formula may bend along its coordinate.
+constexpr std::array deviation_shares{1.0, 1.0 / 3, 1.0 / 9};  ///< Of a formula's deviations, alike likely.
 constexpr double uneven_mm = 0.1;    ///< By which a good board bends along it, and by a half, a third ...
 constexpr int uneven_cosines = 4;    ///< ... in shorter waves.
 constexpr double rough_mm = 0.15,    ///< By which places a metre apart of a good board differ ...

@@ -150,14 +150,35 @@ std::string note_on(const std::map<int, int>& absent, const Bench& bench) {
          ": it was not there. What they met was left out. Put it back and record these again.";
 }
 
+/// Where the thing stood that most captures saw at one place, and in how many.
+std::pair<Eigen::Vector2d, std::size_t> usual_place(const std::vector<Passer>& passers) {
+  constexpr double one_place_mm = 250;
+  std::pair<Eigen::Vector2d, std::size_t> usual;
+  for (const Passer& one : passers) {
+    std::set<int> in;
+    for (const Passer& other : passers)
+      if (one.at_mm && other.at_mm && (*one.at_mm - *other.at_mm).norm() < one_place_mm)
+        in.insert(other.capture);
+    if (in.size() > usual.second) usual = {*one.at_mm, in.size()};
+  }
+  return usual;
+}
+
 std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures) {
   if (passers.empty()) return {};
   std::set<int> in;
   for (const Passer& one : passers) in.insert(one.capture);
   const auto widest =
       std::ranges::max_element(passers, {}, [](const Passer& one) { return one.to_rad - one.from_rad; });
+  constexpr std::size_t stays = 3;  // captures: who walks by stands at one place in fewer
+  const auto [place, times] = usual_place(passers);
+  const std::string what =
+      times < stays ? ": a person, a door."
+                    : ", in " + std::to_string(times) + " of them at about x = " + rounded(place.x(), 3) +
+                          " mm, y = " + rounded(place.y(), 3) +
+                          " mm. Add it to the bench file, correct the target that it is, or take it away.";
   return "Something stood before the targets in " + std::to_string(in.size()) +
-         (in.size() == 1 ? " capture" : " captures") + ": a person, a door. In capture " +
+         (in.size() == 1 ? " capture" : " captures") + what + " In capture " +
          std::to_string(captures[static_cast<std::size_t>(widest->capture)].id) + " it hid beams between " +
          rounded(widest->from_rad * deg_per_rad, 4) + " and " + rounded(widest->to_rad * deg_per_rad, 4) +
          " deg. What it hid was left out.";
@@ -190,6 +211,7 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
   const reduction::Sectors odd = reduction::leave_out_odd_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
+  reduction::leave_out_unmet_targets(reduced_);
   reduction::steady_echoes(reduced_);
   const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
   for (const std::string& note :

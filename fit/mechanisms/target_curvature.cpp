@@ -10,6 +10,7 @@ Mechanism make_target_curvature() {
   m.cause = "a target is bent";
   m.coordinate = Coordinate::target;
   m.one_target = true;
+  m.targets = Targets::flat;
   m.geometric = true;
   m.formula_error = 0.15;
   m.parameters = {{.name = "sagitta_mm", .typical = 4}};

@@ -17,7 +17,8 @@ Mechanism make_target_moved() {
   m.only_for_a_while = true;
   m.formula_error = 0.01;
   m.parameters = {{.name = "offset_mm", .typical = 5, .largest = 300},
-                  {.name = "turn_deg", .typical = 0.5, .largest = 20},
+                  {.name = "turn_deg", .typical = 0.5, .largest = 20, .targets = Targets::flat},
+                  {.name = "aside_mm", .typical = 5, .largest = 300, .targets = Targets::round},
                   {.name = "from_s",
                    .role = Parameter::Role::shape,
                    .scale = Parameter::Scale::from,
@@ -25,16 +26,18 @@ Mechanism make_target_moved() {
                    .logarithmic = false},
                   {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    if (c.time_s < p[2] || c.time_s > p[3]) return Effect{};
-    const double out_mm = p[0] - c.along_sign * c.along_mm * p[1] * rad_per_deg;
-    return Effect{.range_mm = out_mm * range_per_mm_out(c.cos_incidence)};
+    if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
+    const double turned_mm = c.round ? 0 : c.along_sign * c.along_mm * p[1] * rad_per_deg;
+    return Effect{.range_mm = range_of_move(c, p[0] - turned_mm, p[2])};
   };
   m.looks_like = {"mount-moved", "warm-up"};  // where there is no other
   m.says = [](const Finding& f) {
     return "From " + rounded(f.at("from_s").value) + " to " + rounded(f.at("to_s").value) +
            " s after power-on target '" + f.target + "' stood elsewhere: along its normal by " +
-           with_uncertainty(f.at("offset_mm"), "mm") + ", turned by " +
-           with_uncertainty(f.at("turn_deg"), "deg") + ". Fasten it, and record the session again.";
+           with_uncertainty(f.at("offset_mm"), "mm") +
+           (f.parameters.contains("turn_deg") ? ", turned by " + with_uncertainty(f.at("turn_deg"), "deg")
+                                              : ", aside by " + with_uncertainty(f.at("aside_mm"), "mm")) +
+           ". Fasten it, and record the session again.";
   };
   m.separate = "look at the first stop again: a target that was moved is elsewhere than it was";
   return m;

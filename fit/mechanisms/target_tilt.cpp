@@ -13,6 +13,7 @@ Mechanism make_target_tilt() {
   m.cause = "a target is turned against the bench file";
   m.coordinate = Coordinate::target;
   m.one_target = true;
+  m.targets = Targets::flat;
   m.geometric = true;
   m.parameters = {{.name = "tilt_deg", .typical = 0.5}};
   m.act = [](const Circumstances& c, std::span<const double> p) {

@@ -14,6 +14,7 @@ Mechanism make_temperature() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = std::isfinite(c.temperature_k) ? p[0] * c.temperature_k : 0};
   };
+  m.set_right_mm = [](std::span<const double> p) { return 7 * p[0]; };  // K
   m.looks_like = {"warm-up"};  // where the room's temperature does not change
   m.says = [](const Finding& f) {
     return "Distances follow the housing's temperature by " +

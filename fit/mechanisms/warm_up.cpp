@@ -20,6 +20,7 @@ Mechanism make_warm_up() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * (1 - std::exp(-c.time_s / p[1]))};
   };
+  m.set_right_mm = [](std::span<const double> p) { return p[0]; };  // cold or warm
   m.looks_like = {"temperature"};  // that rises as the lidar warms
   m.says = [](const Finding& f) {
     return "Distances drift by " + with_uncertainty(f.at("amplitude_mm"), "mm") +

@@ -73,6 +73,7 @@ void Scene::build() {
     TargetTruth truth = found == world_.targets.end() ? TargetTruth{} : found->second;
     if (moved_[i]) {
       truth.offset_mm += truth.moved.offset_mm;
+      truth.aside_mm += truth.moved.aside_mm;
       truth.tilt_rad += truth.moved.turn_rad;
     }
     double reflectance = stated.reflectance.value_or(0.5);
@@ -86,10 +87,11 @@ void Scene::build() {
     Body body{surfaces_.size(), 0, (stated.from_mm + stated.to_mm) / 2 + moved,
               std::numeric_limits<double>::infinity()};
     if (stated.round) {
-      body.middle = stated.round->centre_mm + moved;
-      body.reach_mm = 1.01 * stated.round->radius_mm;
-      add_pieces(corners_of({body.middle, stated.round->radius_mm}, outward),
-                 -fit::pi * stated.round->radius_mm, i);
+      const double radius_mm = std::max(1.0, stated.round->radius_mm + truth.thicker_mm);
+      body.middle =
+          stated.round->centre_mm + moved + truth.aside_mm * Eigen::Vector2d(-outward.y(), outward.x());
+      body.reach_mm = 1.01 * radius_mm;
+      add_pieces(corners_of({body.middle, radius_mm}, outward), -fit::pi * radius_mm, i);
     } else {
       const Eigen::Vector2d chord = stated.to_mm - stated.from_mm;
       const double length = chord.norm(), angle = std::atan2(chord.y(), chord.x()) + truth.tilt_rad;

@@ -65,6 +65,23 @@ Rescaled rescaled(const Session& session, const Optimum& optimum, const Eigen::M
   return {over.factor, nearby.log_evidence - here, suits};
 }
 
+/// How far a cause differs from its formula differs itself: by as much as its prior says, or by less. What
+/// the average over that adds to the log evidence with the former.
+double of_nearer_formulas(const Optimum& optimum, const Eigen::MatrixXd& held, const Design& design,
+                          const Design::Block& block) {
+  if (block.deviations == 0) return 0;
+  const Quadratic q = about(optimum, held, design, block.first_deviation(), block.deviations);
+  const dense::SymmetricEigen own = dense::symmetric_eigen(q.square);
+  const Eigen::ArrayXd known = own.values.cwiseMax(0.0),
+                       along2 = (own.vectors.transpose() * q.along).array().square();
+  std::vector<double> logs;
+  for (const double share : numbers::deviation_shares) {
+    const Eigen::ArrayXd spread = 1 + share * share * known;
+    logs.push_back(0.5 * (share * share * along2 / spread - spread.log()).sum());
+  }
+  return log_sum(logs) - std::log(static_cast<double>(logs.size())) - logs.front();
+}
+
 /// Laplace's approximation at the optimum; of shapes, a uniform prior instead of the normal one. Where a
 /// shape hardly matters, its derivative says that it never does: a peak is not wider than the grid of its
 /// starts says.
@@ -72,11 +89,13 @@ Rescaled rescaled(const Session& session, const Optimum& optimum, const Eigen::M
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
                        const Eigen::MatrixXd& covariance, const std::vector<Term>& terms,
                        const std::vector<Rescaled>& factors, double log_fit, Index base) {
+  const Index k = design.mean.size();
+  const Eigen::MatrixXd covariance_held = held.solve(Eigen::MatrixXd::Identity(k, k));
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += factors[t].added;
+    sum += factors[t].added + of_nearer_formulas(optimum, covariance_held, design, block);
     const Index n = block.shapes, first = block.first_shape();
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);

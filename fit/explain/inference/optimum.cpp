@@ -30,9 +30,10 @@ struct Scored {
 
 /// What a quadratic approximation is for.
 enum class For {
-  steps,     ///< From there, however far.
-  evidence,  ///< Of what is there.
-  new_terms  ///< Linearised at as much as the rows are on the whole.
+  steps,       ///< From there, however far.
+  last_steps,  ///< From there, where the likelihood is as it curves there.
+  evidence,    ///< Of what is there.
+  new_terms    ///< Linearised at as much as the rows are on the whole.
 };
 /// Whitened columns with their squares.
 struct Squared {
@@ -44,18 +45,19 @@ using Fixed = std::map<std::size_t, Squared>;
 
 Scored scored(const Session& session, const Design& design, Optimum& there, Fixed& fixed,
               For what = For::steps) {
-  const bool raised = what == For::new_terms;
+  const bool raised = what == For::new_terms, steps = what == For::steps || what == For::last_steps;
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
   there.white.assign(design.parts.size(), {});
   there.white_residual.assign(design.parts.size(), {});
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
-    if (!session.channels()[c] || (what == For::steps && design.parts[c].index.empty())) continue;
+    if (!session.channels()[c] || (steps && design.parts[c].index.empty())) continue;
     const ChannelRows& rows = *session.channels()[c];
     const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
-    const Eigen::VectorXd at = raised               ? rows.raised(eta)
-                               : what == For::steps ? rows.steady(eta)
-                                                    : rows.curved(eta);
+    const Eigen::VectorXd at = raised                    ? rows.raised(eta)
+                               : what == For::steps      ? rows.steady(eta)
+                               : what == For::last_steps ? rows.observed(eta)
+                                                         : rows.curved(eta);
     const auto squared = [&] { return Squared(rows.whitened(design.parts[c].columns, at)); };
     const auto known = fixed.find(c);
     std::optional<Squared> here;
@@ -76,26 +78,60 @@ Scored scored(const Session& session, const Design& design, Optimum& there, Fixe
   return s;
 }
 
-/// A scoring step of all coefficients that are not held at their bound, shortened by a damping (Levenberg and
-/// Marquardt); and by how much the quadratic approximation says that it gains.
+using Stopped = std::vector<char>;  // By coefficient.
+
+/// A step of those that are not stopped; the others go as `by` has it.
+Eigen::VectorXd step_of_free(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient,
+                             const Stopped& stopped, const Eigen::VectorXd& by) {
+  Eigen::MatrixXd free = information;
+  Eigen::VectorXd along = gradient;
+  for (Index k = 0; k < by.size(); ++k)
+    if (stopped[static_cast<std::size_t>(k)]) along -= information.col(k) * by[k];
+  for (Index k = 0; k < by.size(); ++k) {
+    if (!stopped[static_cast<std::size_t>(k)]) continue;
+    free.row(k).setZero();
+    free.col(k).setZero();
+    free(k, k) = 1;
+    along[k] = by[k];
+  }
+  return free.llt().solve(along);
+}
+
+/// Of those that a step takes over their bounds, only as far. Returns whether there are any.
+bool stop_at_bounds(const Design& design, const Eigen::VectorXd& x, Stopped& stopped, Eigen::VectorXd& by) {
+  bool any = false;
+  for (Index k = 0; k < x.size(); ++k) {
+    const double most = std::clamp(x[k] + by[k], design.lower[k], design.upper[k]) - x[k];
+    if (stopped[static_cast<std::size_t>(k)] || most == by[k]) continue;
+    by[k] = most;
+    stopped[static_cast<std::size_t>(k)] = any = true;
+  }
+  return any;
+}
+
+/// A step of all coefficients that are not held at their bound, shortened by a damping (Levenberg and
+/// Marquardt): where bounds stop some, the others go as far as suits those. And by how much the quadratic
+/// approximation says that it gains.
 struct Step {
   Eigen::VectorXd by;
   double promises = 0;
 };
 Step step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x, double damping = 0) {
-  Scored free = s;
-  free.information.diagonal() *= 1 + damping;
-  for (Index k = 0; k < x.size(); ++k) {
-    const bool held =
+  constexpr int most_rounds = 8;
+  Eigen::MatrixXd information = s.information;
+  information.diagonal() *= 1 + damping;
+  Stopped stopped(static_cast<std::size_t>(x.size()));
+  for (Index k = 0; k < x.size(); ++k)
+    stopped[static_cast<std::size_t>(k)] =
         (x[k] <= design.lower[k] && s.gradient[k] <= 0) || (x[k] >= design.upper[k] && s.gradient[k] >= 0);
-    if (!held) continue;
-    free.information.row(k).setZero();
-    free.information.col(k).setZero();
-    free.information(k, k) = 1;
-    free.gradient[k] = 0;
-  }
-  const Eigen::VectorXd by = free.information.llt().solve(free.gradient);
-  return {by, 0.5 * by.dot(free.gradient)};
+  const Eigen::VectorXd first =
+      step_of_free(information, s.gradient, stopped, Eigen::VectorXd::Zero(x.size()));
+  Eigen::VectorXd by = first;
+  for (int round = 1; round < most_rounds && stop_at_bounds(design, x, stopped, by); ++round)
+    by = step_of_free(information, s.gradient, stopped, by);
+  const auto gain = [&](const Eigen::VectorXd& d) { return d.dot(s.gradient - 0.5 * (information * d)); };
+  // What was stopped on the way may have to come back: then the plain step.
+  return gain(by) > 0 ? Step{by, gain(by)} : Step{first, gain(first)};
 }
 
 Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
@@ -123,25 +159,35 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
   return there;
 }
 
-/// Uphill from there by scoring steps.
+/// Uphill from there: by scoring steps, and near the top by steps of the observed information (Newton's),
+/// which settle sooner, as long as they help.
 Optimum climbed(const Session& session, const Design& design, Optimum now) {
   constexpr int most_steps = 40;
-  constexpr double settled = 1e-3, first_damping = 0.3, most_damping = 1e4;
+  constexpr double settled = 1e-3, near = 10, hardly = 3e-3, first_damping = 0.3, most_damping = 1e4;
   Fixed fixed;
-  Scored s = scored(session, design, now, fixed);
   double damping = 0;
+  For what = For::steps;
+  Scored s = scored(session, design, now, fixed, what);
   for (int step = 0; step < most_steps; ++step) {
     const Step whole = step_of(s, design, now.x, damping);
     if (whole.promises < settled) break;
     Optimum next = judged_at(session, design, now.x + whole.by, &now);
+    if (what == For::last_steps && !(next.log_posterior >= now.log_posterior)) {
+      what = For::steps;
+      s = scored(session, design, now, fixed, what);
+      continue;
+    }
     while (next.log_posterior < now.log_posterior && damping < most_damping) {
       damping = std::max(first_damping, 8 * damping);
       next = judged_at(session, design, now.x + step_of(s, design, now.x, damping).by, &now);
     }
     if (next.log_posterior < now.log_posterior) break;
     damping = damping > first_damping ? damping / 8 : 0;
+    const double gain = next.log_posterior - now.log_posterior;
     now = std::move(next);
-    s = scored(session, design, now, fixed);
+    what = gain < near ? For::last_steps : For::steps;
+    s = scored(session, design, now, fixed, what);
+    if (gain < hardly) break;
   }
   now.factor.compute(s.information);
   return now;

@@ -17,8 +17,8 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
   std::map<std::string, Estimate> map;
   for (std::size_t k = 0; k < term.values.size(); ++k) {
     const Parameter& p = term.kind->mechanism->parameters[k];
-    if (term.kind->size && k != *term.kind->size && p.role == Parameter::Role::size)
-      continue;                                     // another kind's
+    const bool is_own = std::ranges::count(term.kind->coefficients, k, &model::Coefficient::parameter) > 0;
+    if (p.role == Parameter::Role::size && !is_own) continue;  // another kind's, or of other targets
     if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
     if (term.kind->is_plain && p.generalises) continue;
     const double u = k < term.sigma.size() ? term.sigma[k] : 0.0;

@@ -73,6 +73,8 @@ class ChannelRows : public Rows {
   /// Where the information is the likelihood's curvature there: of what is rare and happened, the expected
   /// one is too small.
   [[nodiscard]] virtual Eigen::VectorXd curved(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
+  /// Where the information is what the likelihood curves by there, if it curves down.
+  [[nodiscard]] virtual Eigen::VectorXd observed(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
   /// Whether the information is the same at any predictor. Where it is not, rows are independent.
   [[nodiscard]] virtual bool has_fixed_information() const { return false; }
   /// Columns multiplied by a root of the Fisher information at eta.

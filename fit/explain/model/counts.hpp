@@ -48,6 +48,16 @@ class Counts : public IndependentRows {
     }
     return eta;
   }
+  /// Of what never happened, the likelihood is an exponential: next to no curvature.
+  [[nodiscard]] Eigen::VectorXd observed(Eigen::VectorXd eta) const override {
+    constexpr double all_but_flat = 1;
+    for (Eigen::Index i = 0; i < rows(); ++i) {
+      const double h = hazard_of(eta[i]), e = std::expm1(h);
+      eta[i] = of(i).y == 0 ? std::max(h, all_but_flat)
+                            : std::max(1e-12, std::log1p(e * e / (1 + e) * of(i).n / of(i).y));
+    }
+    return eta;
+  }
 
  protected:
   /// Share of all samples to which it happened.

@@ -87,6 +87,16 @@ Eigen::MatrixXd of_unread(const Rows& channel, const Term& term, Eigen::MatrixXd
   return columns;
 }
 
+/// Where on its coordinate the instrument was set to read right.
+Eigen::MatrixXd with_zero_elsewhere(const Rows& channel, const Term& term, Eigen::MatrixXd columns) {
+  const Mechanism& m = *term.kind->mechanism;
+  if (!m.set_right_mm) return columns;
+  columns.conservativeResize(Eigen::NoChange, columns.cols() + 1);
+  const Effect aside{.range_mm = m.set_right_mm(term.values)};
+  for (Index i = 0; i < channel.rows(); ++i) columns(i, columns.cols() - 1) = channel.response(i, aside);
+  return columns;
+}
+
 /// Its values with all phases a quarter of a turn ahead.
 std::vector<double> quarter_ahead(const Term& term) {
   std::vector<double> ahead = term.values;
@@ -260,6 +270,7 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
       }
     }
   }
+  columns = with_zero_elsewhere(channel, term, std::move(columns));
   return m.coordinate == Coordinate::temperature ? of_unread(channel, term, std::move(columns)) : columns;
 }
 

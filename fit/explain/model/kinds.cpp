@@ -58,6 +58,14 @@ std::vector<double> moments_in(const ListOfChannels& channels) {
   return places_between(std::move(times), most_moments);
 }
 
+/// Whether the target is a round one.
+bool is_round(const ListOfChannels& channels, int target) {
+  for (const auto& channel : channels)
+    for (Index i = 0; target >= 0 && channel && i < channel->rows(); ++i)
+      if (channel->at(i).target == target) return channel->at(i).round;
+  return false;
+}
+
 std::vector<std::vector<double>> grid_of(const Kind& kind, const ListOfChannels& channels) {
   std::vector<double> first;
   for (const Parameter& p : kind.mechanism->parameters)
@@ -65,6 +73,9 @@ std::vector<std::vector<double>> grid_of(const Kind& kind, const ListOfChannels&
   if (kind.size)
     for (std::size_t k = 0; k < first.size(); ++k)
       if (kind.mechanism->parameters[k].role == Role::size && k != kind.size) first[k] = 0;
+  const bool round = is_round(channels, kind.target);
+  for (std::size_t k = 0; k < first.size(); ++k)
+    if (!suits(kind.mechanism->parameters[k].targets, round)) first[k] = 0;
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
     const Parameter& p = kind.mechanism->parameters[k];
@@ -242,12 +253,16 @@ Kind kind_without_channels(const Mechanism& m, int target) {
 Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std::optional<std::size_t> size,
              bool is_plain) {
   Kind kind = kind_without_channels(m, target);
+  const bool round = is_round(channels, target);
+  if (!suits(m.targets, round)) return kind;
   kind.size = size;
   kind.is_plain = is_plain;
   kind.starts = grid_of(kind, channels);
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
-  if (size) std::erase_if(kind.coefficients, [&](const Coefficient& c) { return c.parameter != *size; });
+  std::erase_if(kind.coefficients, [&](const Coefficient& c) {
+    return (size && c.parameter != *size) || !suits(m.parameters[c.parameter].targets, round);
+  });
   kind.acts_in = acting_in(channels, kind);
   kind.acts_without_size = std::ranges::any_of(kind.acts_in, &Kind::Acting::without_size);
   if (m.formula_error > 0 || m.any_curve || (size && m.parameters[*size].any_curve))

@@ -111,7 +111,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 
 /// What a mechanism of the catalogue is by itself: no starts, no coefficients.
 [[nodiscard]] Kind kind_without_channels(const Mechanism& mechanism, int target);
-/// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for.
+/// A mechanism of the catalogue before a session; no starts if it has too many shapes to be looked for, or
+/// is nothing that such a target has.
 /// `size`: the only one; `is_plain`: with the plain formula.
 [[nodiscard]] Kind kind_of(const Mechanism& mechanism, int target,
                            const std::vector<std::unique_ptr<ChannelRows>>& channels,

@@ -123,7 +123,7 @@ std::map<int, int> leave_out_absent_targets(Reduced& reduced) {
   std::set<std::pair<int, int>> absent;  // target and capture
   for (const auto& [place, captures] : seen) {
     if (std::ranges::none_of(captures, [](const auto& one) { return 2 * one.second.met > one.second.all; }))
-      continue;  // it is nowhere: the bench file's fault
+      continue;  // it is nowhere
     for (const auto& [capture, beams] : captures)
       if (beams.behind >= fewest_through && beams.behind + 2 * at_ends >= beams.all && beams.met == 0)
         absent.insert({place.first, capture});
@@ -133,6 +133,26 @@ std::map<int, int> leave_out_absent_targets(Reduced& reduced) {
   std::map<int, int> captures;
   for (const auto& [target, capture] : absent) ++captures[target];
   return captures;
+}
+
+void leave_out_unmet_targets(Reduced& reduced) {
+  constexpr int fewest = 20, few = 20;  // beams; a twentieth
+  struct Beams {
+    int all = 0, near = 0, elsewhere = 0;
+  };
+  std::map<int, Beams> of_target;
+  for (const Cell& cell : reduced.cells) {
+    Beams& beams = of_target[cell.at.target];
+    const bool is_near = std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm;
+    ++beams.all;
+    beams.near += cell.n > 0 && is_near;
+    beams.elsewhere += cell.n > 0 && !is_near;
+  }
+  for (const auto& [target, beams] : of_target)
+    if (beams.elsewhere >= fewest && 2 * beams.elsewhere > beams.all && few * beams.near < beams.all)
+      reduced.unmet.push_back(target);
+  for (Cell& cell : reduced.cells)
+    if (std::ranges::count(reduced.unmet, cell.at.target)) cell.leave_out();
 }
 
 }  // namespace fit::explain::reduction

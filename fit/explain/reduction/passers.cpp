@@ -118,8 +118,13 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
     long hidden = 0;
     for (const auto& [first, end] : things) hidden += end - first;
     if (few * farther > hidden) continue;
-    for (const auto& [first, end] : things)
-      list.push_back({group.capture, at(first).beam_rad, at(end - 1).beam_rad});
+    for (const auto& [first, end] : things) {
+      const Cell& middle = at((first + end) / 2);
+      const double bearing = middle.sight.bearing_rad;
+      list.push_back(
+          {group.capture, at(first).beam_rad, at(end - 1).beam_rad,
+           middle.sight.origin + middle.mean_mm * Eigen::Vector2d(std::cos(bearing), std::sin(bearing))});
+    }
   }
   return list;
 }

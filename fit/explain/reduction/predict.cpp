@@ -30,6 +30,8 @@ Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<
       if (reduced.same_as[i] != active.target) continue;
       nuisance.offset_mm[i] += moved.offset_mm;
       nuisance.turn_rad[i] += moved.turn_rad;
+      nuisance.aside_mm[i] += moved.aside_mm;
+      nuisance.thicker_mm[i] += moved.thicker_mm;
     }
   }
   return nuisance;

@@ -129,6 +129,45 @@ TEST_CASE("through a pane of glass or an open door no echo is lost, and the benc
   CHECK(notes(e, "Beams go through target 'north'"));
 }
 
+TEST_CASE("what stands before the targets all the time is told with its place") {
+  const plain_bench::PlainScene scene{.walls = plain_bench::l_shaped};
+  plain_bench::PlainScene there = scene;
+  there.posts.push_back({{900, -700}, 120});
+  SyntheticRecording recording = plain_bench::recorded(
+      there, 7, [](double, double, double) { return plain_bench::Deviation{}; }, {}, scene);
+  plain_bench::turn_round(recording, scene);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+  REQUIRE(notes(e, "Something stood before the targets"));
+  // Its front, as most captures see it, within its radius.
+  CHECK(notes(e, "mm. Add it to the bench file"));
+  const std::string text = to_text(e);
+  const std::size_t at = text.find("x = ");
+  REQUIRE(at != std::string::npos);
+  CHECK(std::abs(std::stod(text.substr(at + 4)) - 900) < 150);
+  CHECK(std::abs(std::stod(text.substr(text.find("y = ", at) + 4)) + 700) < 150);
+}
+
+TEST_CASE("a wall that is written in metres is missed by its name, and all others are used") {
+  const plain_bench::PlainScene scene{.walls = plain_bench::furnished};
+  for (const std::size_t wall : {std::size_t{0}, std::size_t{4}}) {
+    plain_bench::PlainScene written = scene;
+    written.walls[wall].from /= 1000;
+    written.walls[wall].to /= 1000;
+    SyntheticRecording recording = plain_bench::recorded(
+        scene, 8, [](double, double, double) { return plain_bench::Deviation{}; }, {}, written);
+    plain_bench::turn_round(recording, scene);
+    const Explanation e = fit::explain::explain({&recording}, {});
+    INFO(to_text(e));
+    CHECK(e.verdict == "unknown-physics");
+    REQUIRE(e.unknown);
+    CHECK(to_text(e).find("no beam meets target 'wall " + std::to_string(wall + 1) + "'") !=
+          std::string::npos);
+    CHECK(e.mechanisms.empty());
+  }
+}
+
 TEST_CASE("a board that was carried away for a while is missed, and nothing is named for it") {
   plain_bench::PlainScene scene{
       .walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -159,6 +160,40 @@ TEST_CASE(
       of_posts += target >= 0 && reduced.bench.target_at(target).round;
     }
     CHECK(of_posts == 0);
+  }
+}
+
+TEST_CASE("a post elsewhere than the bench file says, or a thicker one, is told as that, and is not bent") {
+  const PlainScene scene{
+      .walls = plain_bench::furnished, .posts = with_posts.posts, .step_deg = 0.25, .sigma_mm = 5};
+  const PlainScene there = at_spacing(scene, 0.25);
+  for (const auto& [dx, dy, thicker] : std::vector<std::array<double, 3>>{{10, 0, 0}, {7, 8, 0}, {0, 0, 6}}) {
+    PlainScene written = there;
+    written.posts.front().centre -= plain_bench::Point(dx, dy);
+    written.posts.front().radius -= thicker;
+    SyntheticRecording recording = plain_bench::recorded(there, 51, nothing, {}, written);
+    plain_bench::turn_round(recording, there);
+    const Explanation e = fit::explain::explain({&recording}, {});
+    INFO(dx << " " << dy << " " << thicker << "\n" << to_text(e));
+    REQUIRE(e.mechanisms.size() == 1);
+    CHECK_FALSE(e.unknown);
+    const auto& found = e.mechanisms.front();
+    CHECK(found.target == "post 1");
+    const auto holds = [&](const char* name, double truth) {
+      const fit::Estimate& estimate = found.parameters.at(name);
+      CHECK(std::abs(estimate.value - truth) < 3 * estimate.u);
+    };
+    if (thicker > 0) {
+      CHECK(found.mechanism->id == "target-radius");
+      holds("thicker_mm", thicker);
+    } else {
+      CHECK(found.mechanism->id == "target-offset");
+      // What it was drawn to stand off by as well is its uncertainty.
+      const plain_bench::Point out = written.posts.front().centre / std::abs(written.posts.front().centre),
+                               off = plain_bench::Point(dx, dy) / out;
+      CHECK(std::abs(found.parameters.at("offset_mm").value - off.real()) < 4 * scene.u_mm);
+      CHECK(std::abs(found.parameters.at("aside_mm").value - off.imag()) < 4 * scene.u_mm);
+    }
   }
 }
 

@@ -119,15 +119,15 @@ using Spoil =
     std::function<double(const Sample&, std::mt19937&)>;  ///< Another range (mm) of a sample; 0: none.
 
 /// The scene seen by a lidar whose mount is drawn from its uncertainties too; intensities by 1/r and the
-/// cosine.
+/// cosine. `written`: the bench file says that instead.
 inline SyntheticRecording recorded(const PlainScene& stated, unsigned seed, const Conceal& conceal,
-                                   const Spoil& spoil = {}) {
+                                   const Spoil& spoil = {}, const std::optional<PlainScene>& written = {}) {
   auto random = std::make_shared<std::mt19937>(seed);
   std::normal_distribution<double> normal;
   const PlainScene scene = drawn(stated, *random);
   const Mount mount{stated.u_mount_mm * normal(*random), stated.u_mount_mm * normal(*random),
                     stated.u_yaw_deg * normal(*random)};
-  const fit::Bench bench = bench_of(stated);
+  const fit::Bench bench = bench_of(written.value_or(stated));
   return {
       bench, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range, auto& intensity) {
         std::normal_distribution<double> noise(0, scene.sigma_mm);

@@ -102,6 +102,16 @@ TEST_CASE("slopes of a range along place and shape of a target are those of smal
     } else {
       CHECK(hit.per_turn == Approx(slope(&fit::Stands::turn_rad)).epsilon(0.01).margin(1));
     }
+    fit::Circumstances c;
+    fit::Scene(bench).describe(origin, bearing, hit, {}, c);
+    const auto act = [&](const char* id, std::vector<double> values) {
+      return fit::find_mechanism(id)->act(c, values).range_mm;
+    };
+    CHECK(act("target-offset", {1, 0}) == Approx(hit.per_out));
+    if (c.round) {
+      CHECK(act("target-offset", {0, 1}) == Approx(hit.per_aside).margin(1e-9));
+      CHECK(act("target-radius", {1}) == Approx(hit.per_thicker));
+    }
     const double beam = 1e-6;
     CHECK(hit.range_mm * std::tan(hit.incidence_rad) ==
           Approx((fit::Scene(bench).look_at(hit.target, origin, bearing + beam).range_mm -

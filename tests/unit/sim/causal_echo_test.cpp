@@ -257,4 +257,18 @@ TEST_CASE("targets stand where the truth says, tilted and bent") {
   CHECK(record(world, 200).at(0).mean() - 2000 == Approx(10).margin(0.5));
 }
 
+TEST_CASE("a post stands aside and is thicker, as the truth says") {
+  sim::World world = narrow(wall_at(2000));
+  world.bench.targets.front().set_round({.centre_mm = {2000, 0}, .radius_mm = 300});
+  const auto front = [&](sim::TargetTruth truth) {
+    world.targets["wall"] = truth;
+    return record(world, 200).at(0).mean();
+  };
+  CHECK(front({}) == Approx(1700).margin(0.5));
+  CHECK(front({.thicker_mm = 20}) == Approx(1680).margin(0.5));
+  CHECK(front({.aside_mm = 120}) == Approx(2000 - std::sqrt(300. * 300 - 120 * 120)).margin(0.6));
+  CHECK(front({.offset_mm = 15, .aside_mm = -120}) ==
+        Approx(2015 - std::sqrt(300. * 300 - 120 * 120)).margin(0.6));
+}
+
 }  // namespace causal_echo_test
