@@ -273,7 +273,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadRe
   }
   const MeanModel model(reduced, means.noise);
   for (const Shape& shape : found.shapes) {
-    if (shape.form->of_one_target_in_time) continue;
+    if (shape.form->happened_then) continue;
     for (const int target : along_targets(shape, model.bench()))
       if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
         p.empirical.push_back(std::move(table));

@@ -7,11 +7,12 @@
 namespace fit::explain::forms {
 
 // A target that stands elsewhere every time: a curtain, a door in a draught, a board that is put back by
-// hand. `places`: the times; at each, and until the next, it has a place of its own.
+// hand; or all ranges, whose zero wanders from capture to capture. `places`: the times; at each, and until
+// the next, there is a value of its own.
 Form make_anew() {
   Form f;
   f.id = "anew";
-  f.of_one_target_in_time = true;
+  f.happened_then = true;
   f.terms = [](const Shape& s) { return static_cast<int>(s.places.size()); };
   f.basis = [](const Shape& s, double x, int term) {
     const auto last = std::ranges::upper_bound(s.places, x) - s.places.begin() - 1;
@@ -31,9 +32,11 @@ Form make_anew() {
       squares += value * value;
     }
     const double deviation_mm = std::sqrt(std::max(0.0, squares - sum * sum / n) / (n - 1));
-    return Described{"target '" + c.target + "' stands elsewhere from capture to capture, by " +
-                         rounded(deviation_mm, 2) + " mm (standard deviation)",
-                     c.low, c.high};
+    return Described{
+        (c.target.empty() ? "the range's zero wanders from capture to capture, by "
+                          : "target '" + c.target + "' stands elsewhere from capture to capture, by ") +
+            rounded(deviation_mm, 2) + " mm (standard deviation)",
+        c.low, c.high};
   };
   return f;
 }

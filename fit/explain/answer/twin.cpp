@@ -209,7 +209,7 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
     const Eigen::Index from = base.shape_first[s], count = base.shape_first[s + 1] - from;
     const VectorXd effect = base.all.columns.middleCols(from, count) * x.segment(from, count);
     const Shape& shape = means.best.shapes[s];
-    if (shape.form->of_one_target_in_time) continue;
+    if (shape.form->happened_then) continue;
     for (const int target : along_targets(shape, out.bench))
       add_empirical(out.bench, table_of(model, effect,
                                         target < 0 ? along(model, shape.coordinate, shape.channel)

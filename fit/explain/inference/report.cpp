@@ -115,7 +115,7 @@ void report_set(const Undecided& set, const Findings& findings, std::set<const K
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     if (!member.kind) continue;
     if (member.kind->is_form()) {
-      if (member.kind->moves_means() && !member.kind->form->form->of_one_target_in_time &&
+      if (member.kind->moves_means() && !member.kind->form->form->happened_then &&
           functions.insert(member.kind).second)
         out.unnamed_suspects.push_back(
             seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));

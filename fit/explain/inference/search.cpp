@@ -94,8 +94,6 @@ class Climber {
   bool fit_again() {
     constexpr double hardly = 0.5;  // fits are settled to a fifth of it
     const Hypothesis before = best_.hypothesis;
-    session_.linearise(best_.hypothesis);
-    moved_ = true;
     // What lacks one of its terms decides whether that stays, however far below it lay before.
     std::set<std::vector<const Kind*>> decisive;
     for (std::size_t t = 0; t < before.terms.size(); ++t) decisive.insert(without(before, t).kinds());
@@ -104,6 +102,8 @@ class Climber {
       if (h.log_posterior() > before.log_posterior() - 2 * numbers::window || h.terms.empty() ||
           decisive.contains(kinds))
         again.push_back(h);
+    session_.linearise(best_.hypothesis, again);
+    moved_ = true;
     visited_.clear();
     screened_.clear();
     std::optional<Fitted> first = fit_all(again);

@@ -81,7 +81,8 @@ Session::Session(Reduced& reduced, MeanNoise noise, const Nuisance& there)
     const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced.bench).as_vector();
     nothing.base.segment(first_base(mean_channel()), moved.size()) = moved;
   }
-  linearise(nothing);
+  std::vector<Hypothesis> none;
+  linearise(nothing, none);
   kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
   columns_.assign(kinds_->size(), {});
 }
@@ -148,7 +149,28 @@ Nuisance Session::nuisance(const Hypothesis& h) const {
   return n;
 }
 
-void Session::linearise(const Hypothesis& at) {
+double Session::mean_range_mm() const {
+  double sum = 0, count = 0;
+  for (const Cell& cell : reduced_.cells) {
+    if (!cell.smooth) continue;
+    sum += cell.at.range_mm;
+    count += 1;
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+void Session::keep_combs(Hypothesis& at, std::vector<Hypothesis>& following) {
+  if (std::ranges::none_of(at.terms, [](const Term& term) { return term.kind->bins.has_value(); })) return;
+  const double before_mm = mean_range_mm();
+  predict(reduced_, nuisance(at), {}, false);
+  const double farther_mm = mean_range_mm() - before_mm;
+  for (Term& term : at.terms) model::follow(term, farther_mm);
+  for (Hypothesis& h : following)
+    for (Term& term : h.terms) model::follow(term, farther_mm);
+}
+
+void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
+  keep_combs(at, following);
   std::vector<Active> at_work;
   for (const Active& known : known_)
     if (moves_means(*known.mechanism)) at_work.push_back(known);

@@ -31,8 +31,9 @@ class Session {
   /// First linearised there.
   Session(Reduced& reduced, MeanNoise noise, const Nuisance& there);
 
-  /// Predicts there; all hypotheses that are compared must be fitted after the same call.
-  void linearise(const Hypothesis& at);
+  /// Predicts there; all hypotheses that are compared must be fitted after the same call, where their combs
+  /// follow.
+  void linearise(Hypothesis& at, std::vector<Hypothesis>& following);
 
   [[nodiscard]] const Reduced& reduced() const { return reduced_; }
   /// Of the means, at the present linearisation.
@@ -60,6 +61,9 @@ class Session {
  private:
   [[nodiscard]] std::vector<Eigen::Index> row_counts() const;  ///< Of every channel.
   void make_channels(const MeanNoise& noise);
+  [[nodiscard]] double mean_range_mm() const;
+  /// Where bins lie is known against what is recorded, whatever mount and targets make of the ranges.
+  void keep_combs(Hypothesis& at, std::vector<Hypothesis>& following);
 
   Reduced& reduced_;
   std::vector<Active> known_;        ///< What the bench knows to be at work.

@@ -205,6 +205,14 @@ bool responds(const ChannelRows& rows, const Act& on) {
   return false;
 }
 
+/// What happened at its time is where a target stands, or all ranges alike; a target's place in time is that.
+bool suits_times(const Form& form, const Way& way) {
+  const bool in_time = way.coordinate == Coordinate::time, of_a_target = way.target >= 0;
+  const bool of_all_ranges =
+      !of_a_target && way.on.changes == on_range.changes && way.on.channel == on_range.channel;
+  return form.happened_then ? in_time && (of_a_target || of_all_ranges) : !in_time || !of_a_target;
+}
+
 /// Forms along one way, those with as many coefficients together.
 void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>& kinds) {
   constexpr std::size_t fewest_values = 4;
@@ -218,9 +226,7 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
                       axis.high - axis.low > 1e-6 && axis.values.size() >= fewest_values;
   for (const Form& form : all_forms()) {
     if ((!varies && !form.is_constant) || (way.target != -1 && form.is_constant)) continue;
-    if (form.of_all_targets != (way.target == all_targets) ||
-        form.of_one_target_in_time != (way.coordinate == Coordinate::time && way.target >= 0))
-      continue;
+    if (form.of_all_targets != (way.target == all_targets) || !suits_times(form, way)) continue;
     std::map<int, std::vector<Shape>> by_terms;
     for (Shape& shape : form.along(axis)) {
       shape.form = &form;

@@ -216,6 +216,13 @@ Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vec
   return columns;
 }
 
+void follow(Term& term, double farther) {
+  if (!term.kind->bins || term.kind->is_plain) return;
+  double& zero = term.values[*term.kind->bins + 1];
+  zero -= farther / term.values[*term.kind->bins];
+  zero -= std::floor(zero);
+}
+
 std::vector<double> without_size(const Kind& kind, std::vector<double> values) {
   for (std::size_t k = 0; k < values.size(); ++k)
     if (kind.mechanism->parameters[k].role == Role::size) values[k] = 0;

@@ -106,6 +106,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
                                         const std::vector<double>& values);
 /// Derivatives by the shapes, each scaled to the standard deviation of its uniform prior.
 [[nodiscard]] Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term);
+/// Keeps a comb's teeth where they are when all places that it sees are farther by so much.
+void follow(Term& term, double farther);
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
 [[nodiscard]] Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term);
 

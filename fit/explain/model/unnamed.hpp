@@ -70,7 +70,7 @@ struct Form {
   bool is_constant = false;     ///< Needs no coordinate that varies.
   bool scaled = false;          ///< Its functions are of the coordinate scaled to -1 .. 1 over the recording.
   bool of_all_targets = false;  ///< Of the place along every target, a function for each.
-  bool of_one_target_in_time = false;  ///< What happened then, happens in no other recording.
+  bool happened_then = false;   ///< What happened then, happens in no other recording.
   std::function<int(const Shape&)> terms = [](const Shape&) { return 1; };
   std::function<double(const Shape&, double x, int term)> basis;
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.

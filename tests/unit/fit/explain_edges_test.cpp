@@ -507,7 +507,9 @@ TEST_CASE("a channel whose edges no longer show keeps its rows, and another hypo
   const bool all = GENERATE(true, false);
   for (std::size_t i = 0; i < reduced.cells.size(); ++i)
     if (all || i < reduced.cells.size() / 2) reduced.cells[i].edge = -1;
-  session.linearise(before.hypothesis);
+  std::vector<fit::explain::inference::Hypothesis> none;
+  auto there = before.hypothesis;
+  session.linearise(there, none);
   REQUIRE(session.channels()[model::channel_of("edge")]);
   CHECK((session.channels()[model::channel_of("edge")]->rows() == rows) == all);
   const inference::Fitted after = inference::fit(session, before.hypothesis);

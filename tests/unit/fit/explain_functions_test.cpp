@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <random>
 
+#include "fit/explain/explanation.hpp"
 #include "noise_findings.hpp"
+#include "plain_scenes.hpp"
 #include "tests/support/imagined_room.hpp"
 
 namespace explain_functions_test {
@@ -43,6 +46,29 @@ TEST_CASE(
         return std::ranges::count(set, "unknown-physics") > 0;
       });
   CHECK(may_be_unknown);
+}
+
+TEST_CASE("a zero of the range that wanders from capture to capture is told as that") {
+  const plain_bench::PlainScene scene{.walls = plain_bench::l_shaped};
+  std::mt19937 random(41);
+  std::vector<double> zeros_mm;
+  for (int capture = 0; capture < 24; ++capture)
+    zeros_mm.push_back(1.2 * std::normal_distribution<double>()(random));
+  SyntheticRecording recording = plain_bench::recorded(scene, 41, [&](double, double, double time_s) {
+    const double captures = (time_s - 1800) / 20;  // one begins every 20 s
+    return plain_bench::Deviation{.range_mm = zeros_mm.at(static_cast<std::size_t>(captures))};
+  });
+  plain_bench::turn_round(recording, scene, 24);
+  const auto e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.unknown);
+  const std::string begins = "the range's zero wanders from capture to capture, by ";
+  REQUIRE_THAT(e.unknown->describes, Catch::StartsWith(begins));
+  double sum = 0, squares = 0;
+  for (const double mm : zeros_mm) sum += mm, squares += mm * mm;
+  CHECK(std::stod(e.unknown->describes.substr(begins.size())) ==
+        Approx(std::sqrt((squares - sum * sum / 24) / 23)).epsilon(0.1));
 }
 
 TEST_CASE("a range scale that bends has no name of the catalogue") {

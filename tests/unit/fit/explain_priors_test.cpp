@@ -5,6 +5,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "plain_scenes.hpp"
+#include "tests/support/rounds.hpp"
 
 namespace explain_priors_test {
 namespace {
@@ -73,6 +74,23 @@ TEST_CASE("a scale of the range is not taken for a mount and a board far from wh
   CHECK(e.before.rms_mm > 3 * e.after.rms_mm);  // nothing was bent to take its place
   // A board that is merely far has no more beams beside its ends than one that stands as it should.
   if (per_m > 0) CHECK(e.left_out <= explained_ladder(400, 19, 480, 7, [](double) { return 0.0; }).left_out);
+}
+
+TEST_CASE("bins of a counter are found on a ladder, wherever within a bin mount and board stand",
+          "[rounds]") {
+  // Half a bin and more: bins count from true ranges, which are known only once mount and board are fitted.
+  constexpr double bin_mm = 9.7;
+  for (const unsigned seed : some_of<unsigned>({11, 12, 13, 14, 15, 16, 17, 18})) {
+    const Explanation e = explained_ladder(300, 37, 93.1, seed, [](double range_mm) {
+      return bin_mm * std::round(range_mm / bin_mm) - range_mm;
+    });
+    INFO("seed " << seed << "\n" << to_text(e));
+    const auto found = std::ranges::find_if(
+        e.mechanisms, [](const auto& m) { return m.mechanism->id == "time-quantisation"; });
+    REQUIRE(found != e.mechanisms.end());
+    CHECK(found->parameters.at("bin_mm").value == Approx(bin_mm).margin(0.005));
+    CHECK_FALSE(e.unknown);
+  }
 }
 
 TEST_CASE("a ladder of which nothing is missing") {
