@@ -49,9 +49,13 @@ namespace fit {
           .starts = 2};
 }
 
-/// How much of what is there in the middle there is so many widths away.
+/// How much of what is there in the middle there is so many widths away: 0 where it is less than 1e-17.
 [[nodiscard]] inline double share_of_sector(double widths, double ends = 2) {
-  return std::exp(-(ends == 2 ? widths * widths : std::pow(std::abs(widths), ends)) / 2);
+  constexpr double nothing = 80;  // most beams are far away, and powers take time
+  const double square = widths * widths;
+  if (ends >= 2 && square > nothing) return 0;
+  const double power = ends == 2 ? square : std::pow(std::abs(widths), ends);
+  return power > nothing ? 0 : std::exp(-power / 2);
 }
 
 /// The beams that lie within so many widths of the middle.

@@ -185,7 +185,7 @@ struct Parameter {
   /// Size: another one at which a search asks as well, where what it does is no multiple of what the typical
   /// one does; 0: none.
   double also = 0;
-  Targets targets = Targets::any;  ///< Size: of which it is.
+  Targets targets = Targets::any;  ///< Size: those that have it; of others it is left out.
   int sign = 0;                    ///< Size: +1 or -1 when physics allows only one sign.
   /// Size: how far what shows may be from what the parameter means, as a share of it, from device to device.
   /// Part of its stated uncertainty.

@@ -81,12 +81,17 @@ class ModelEngine : public Engine {
     };
     std::ranges::copy_if(active_, std::back_inserter(dimming_), dims);
     std::erase_if(active_, dims);
+    for (const Active& one : active_)
+      if (displaces(one)) put_elsewhere(one);
+    std::erase_if(active_, displaces);
+    scene_ = fit::Scene(bench_, stands_);
+    put_ = stands_;
   }
 
   void set_scene(const SceneState& state) override {
     for (std::size_t i = 0; i < stands_.size(); ++i) {
       if (bench_.targets[i].name != state.target) continue;
-      stands_[i].out_mm = state.target_shift_mm;
+      stands_[i].out_mm = put_[i].out_mm + state.target_shift_mm;
       stands_[i].moved = state.target_shift_mm != 0;
       stands_[i].reflectance = state.reflectance >= 0 ? std::optional(state.reflectance) : std::nullopt;
     }
@@ -158,6 +163,16 @@ class ModelEngine : public Engine {
       c.beam_time_s = bench_.lidar.beam_time_s(static_cast<double>(step));
       c.intensity = lawful_[step] = counts(hit);
     }
+  }
+
+  static bool displaces(const Active& one) { return one.target >= 0 && one.mechanism->displaces; }
+  void put_elsewhere(const Active& one) {
+    const fit::Displacement by = one.mechanism->displaces(one.values);
+    fit::Stands& stands = stands_[static_cast<std::size_t>(one.target)];
+    stands.out_mm += by.offset_mm;
+    stands.aside_mm += by.aside_mm;
+    stands.turn_rad += by.turn_rad;
+    stands.thicker_mm += by.thicker_mm;
   }
 
   [[nodiscard]] static fit::Effect effect(const std::vector<Active>& active, const fit::Circumstances& c) {
@@ -281,7 +296,7 @@ class ModelEngine : public Engine {
   SimpleOptions options_;
   std::optional<fit::DescribedIntensity> described_;
   std::optional<fit::IntensityClaim> claim_;
-  std::vector<fit::Stands> stands_;
+  std::vector<fit::Stands> stands_, put_;  ///< At present, and where the bench file's corrections have them.
   fit::Scene scene_;
   std::vector<fit::Mechanism> unnamed_;
   std::vector<Active> active_, dimming_;

@@ -69,6 +69,8 @@ class Scene {
   void describe(const Eigen::Vector2d& origin_mm, double bearing_rad, const Hit& hit,
                 const std::vector<Edge>& edges, Circumstances& c) const;
   [[nodiscard]] double reflectance(int target) const { return of(target).reflectance; }
+  /// Of a round one a quarter of its circumference.
+  [[nodiscard]] double half_length_mm(int target) const { return of(target).half_mm; }
 
  private:
   /// Where another target begins on a flat one.

@@ -21,6 +21,10 @@ class Blends final : public model::Counts {
     return wide * wide * blended_ + shares_[static_cast<std::size_t>(row)] * hazard(effect.stray);
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
+  /// Beyond the most that blending makes there is no curvature.
+  [[nodiscard]] Eigen::VectorXd observed(Eigen::VectorXd eta) const override {
+    return steady(std::move(eta));
+  }
 
  protected:
   [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {

@@ -19,16 +19,25 @@
 namespace fit::explain {
 namespace {
 
+/// Targets that are elsewhere, or seen from elsewhere.
+std::string on_unmet(const Reduced& reduced) {
+  std::string names;
+  for (const int target : reduced.unmet)
+    names += (names.empty() ? "" : ", ") + ("'" + reduced.bench.target_at(target).name + "'");
+  return reduced.unmet.size() == 1
+             ? "hardly a beam meets target " + names +
+                   " where the bench file has it: correct its place, or take it out"
+             : "hardly a beam meets targets " + names +
+                   " where the bench file has them: correct their places, or the mount's, or take them out";
+}
+
 /// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
 SpreadResult before_the_model(Reduced& reduced) {
   SpreadResult result;
   const auto widths = model::widths_of(model::transitions(reduced));
   if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
   result.sigma_mm = reduced.typical_sigma_mm();
-  for (const int target : reduced.unmet)
-    result.unknown.push_back(
-        {.describes = "no beam meets target '" + reduced.bench.target_at(target).name +
-                      "' where the bench file has it: correct its place, or take it out"});
+  if (!reduced.unmet.empty()) result.unknown.push_back({.describes = on_unmet(reduced)});
   find_coarse_steps(reduced, result.sigma_mm, result);
   reduced.vibration_hz = vibration(reduced, result);
   return result;

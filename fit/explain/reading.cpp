@@ -164,7 +164,9 @@ std::pair<Eigen::Vector2d, std::size_t> usual_place(const std::vector<Passer>& p
   return usual;
 }
 
-std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures) {
+/// `one_bench`: all captures are of one recording, with one frame.
+std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures,
+                    bool one_bench) {
   if (passers.empty()) return {};
   std::set<int> in;
   for (const Passer& one : passers) in.insert(one.capture);
@@ -173,10 +175,11 @@ std::string note_on(const std::vector<Passer>& passers, const std::vector<Captur
   constexpr std::size_t stays = 3;  // captures: who walks by stands at one place in fewer
   const auto [place, times] = usual_place(passers);
   const std::string what =
-      times < stays ? ": a person, a door."
-                    : ", in " + std::to_string(times) + " of them at about x = " + rounded(place.x(), 3) +
-                          " mm, y = " + rounded(place.y(), 3) +
-                          " mm. Add it to the bench file, correct the target that it is, or take it away.";
+      times < stays || !one_bench
+          ? ": a person, a door."
+          : ", in " + std::to_string(times) + " of them at about x = " + rounded(place.x(), 3) +
+                " mm, y = " + rounded(place.y(), 3) +
+                " mm. Add it to the bench file, correct the target that it is, or take it away.";
   return "Something stood before the targets in " + std::to_string(in.size()) +
          (in.size() == 1 ? " capture" : " captures") + what + " In capture " +
          std::to_string(captures[static_cast<std::size_t>(widest->capture)].id) + " it hid beams between " +
@@ -207,7 +210,7 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
     kept_ = without(misplaced, single_);
     passers = read(progress);
   }
-  const std::string note_on_things = note_on(passers, reduced_.captures);
+  const std::string note_on_things = note_on(passers, reduced_.captures, recordings.size() == 1);
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
   const reduction::Sectors odd = reduction::leave_out_odd_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);

@@ -72,10 +72,10 @@ Mechanism make_sunlight() {
                    .generalises = true}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
-    const double light = share_of_sector(away_deg(c, p[1], p[8]) / p[2], p[7]),
-                 weak = p[6] != 0 && std::isfinite(c.intensity)
-                            ? std::pow(1000 / counts_of_echo(c.intensity), p[6])
-                            : 1;
+    const double light = share_of_sector(away_deg(c, p[1], p[8]) / p[2], p[7]);
+    if (light == 0) return Effect{};
+    const double weak =
+        p[6] != 0 && std::isfinite(c.intensity) ? std::pow(1000 / counts_of_echo(c.intensity), p[6]) : 1;
     return Effect{.variance_mm2 = p[0] * p[0] * light * weak, .lost = p[5] * light};
   };
   m.away = [](const Circumstances& c, std::span<const double> p) { return away_deg(c, p[1], p[8]); };

@@ -17,6 +17,7 @@ Mechanism make_target_radius() {
     return Effect{.range_mm = -p[0] * range_per_mm_out(c.cos_incidence)};
   };
   m.displaces = [](std::span<const double> p) { return Displacement{.thicker_mm = p[0]}; };
+  m.looks_like = {"target-offset"};  // where only its middle is met
   m.says = [](const Finding& f) {
     const Estimate thicker = f.at("thicker_mm");
     return "The radius of target '" + f.target + "' is " +

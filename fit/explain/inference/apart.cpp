@@ -33,7 +33,7 @@ Eigen::MatrixXd all_that(const model::ChannelRows& rows, const model::Term& susp
   constexpr double any_size = 100;  // of a typical one
   const Eigen::MatrixXd sizes = any_size * model::columns_of(rows, *suspect.kind, suspect.values, &acts),
                         shapes = model::shape_columns(rows, suspect),
-                        deviations = model::deviation_columns(rows, suspect);
+                        deviations = model::deviations_of(rows, suspect).columns;
   Eigen::MatrixXd all(rows.rows(), nuisances.cols() + sizes.cols() + shapes.cols() + deviations.cols());
   all << nuisances, sizes, shapes, deviations;
   return all;

@@ -108,7 +108,7 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
     const Eigen::MatrixXd sizes = model::columns_of(rows, *kind_, term.values, &kind_->acts_in[c]),
                           places = with_shapes ? model::shape_columns(rows, term)
                                                : Eigen::MatrixXd(rows.rows(), 0),
-                          deviations = model::deviation_columns(rows, term);
+                          deviations = model::deviations_of(rows, term).columns;
     shapes = places.cols();
     columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
     columns[c] << sizes, places, deviations;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "fit/explain/inference/fit.hpp"
+#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 
@@ -16,7 +17,7 @@ void add_coefficients(Design& design, const Prior& prior) {
   const Index had = design.mean.size(), more = prior.mean.size();
   design.mean.conservativeResize(had + more);
   design.sigma.conservativeResize(had + more);
-  design.sigma.tail(more) = prior.sigma.cwiseMax(1e-12);
+  design.sigma.tail(more) = units_of(prior.sigma);
   design.mean.tail(more) = prior.mean.cwiseQuotient(design.sigma.tail(more));
   constexpr double any = std::numeric_limits<double>::infinity();
   design.lower.conservativeResize(had + more);
@@ -84,7 +85,9 @@ void add_term(const Session& session, const Term& term, Design& design) {
     if (kind.acts_in[c].without_size)
       design.parts[c].offset += model::effect_without_size(rows, kind, term.values);
     shapes[c] = model::shape_columns(rows, term);
-    deviations[c] = model::deviation_columns(rows, term);
+    model::Deviations all = model::deviations_of(rows, term);
+    block.of_formula = std::max(block.of_formula, all.of_formula);
+    deviations[c] = std::move(all.columns);
     block.shapes = std::max(block.shapes, shapes[c].cols());
     block.deviations = std::max(block.deviations, deviations[c].cols());
   }
@@ -96,6 +99,23 @@ void add_term(const Session& session, const Term& term, Design& design) {
     add_columns(design, c, block.first_shape() + block.shapes, deviations[c]);
   }
   design.blocks.push_back(block);
+}
+
+/// The base is whitened already.
+void add_fixed(const Session& session, Design& design) {
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    Design::Part& part = design.parts[c];
+    part.fixed = session.white_base(c);
+    if (!part.fixed) continue;
+    const Index known = part.fixed->white.cols(), more = part.columns.cols() - known;
+    if (more == 0) continue;
+    const Eigen::MatrixXd added = session.channels()[c]->whitened(part.columns.rightCols(more), {});
+    const Eigen::MatrixXd cross = transpose_product(part.fixed->white, added);
+    Squared all{Eigen::MatrixXd(added.rows(), known + more), Eigen::MatrixXd(known + more, known + more)};
+    all.white << part.fixed->white, added;
+    all.square << part.fixed->square, cross, cross.transpose(), square_of_columns(added);
+    part.fixed = std::make_shared<const Squared>(std::move(all));
+  }
 }
 
 }  // namespace
@@ -120,6 +140,7 @@ Design design_of(const Session& session, const std::vector<Term>& terms) {
   design.parts.resize(session.channels().size());
   add_base(session, design);
   for (const Term& term : terms) add_term(session, term, design);
+  add_fixed(session, design);
   return design;
 }
 

@@ -69,8 +69,8 @@ Rescaled rescaled(const Session& session, const Optimum& optimum, const Eigen::M
 /// the average over that adds to the log evidence with the former.
 double of_nearer_formulas(const Optimum& optimum, const Eigen::MatrixXd& held, const Design& design,
                           const Design::Block& block) {
-  if (block.deviations == 0) return 0;
-  const Quadratic q = about(optimum, held, design, block.first_deviation(), block.deviations);
+  if (block.of_formula == 0) return 0;
+  const Quadratic q = about(optimum, held, design, block.first_deviation(), block.of_formula);
   const dense::SymmetricEigen own = dense::symmetric_eigen(q.square);
   const Eigen::ArrayXd known = own.values.cwiseMax(0.0),
                        along2 = (own.vectors.transpose() * q.along).array().square();
@@ -88,14 +88,12 @@ double of_nearer_formulas(const Optimum& optimum, const Eigen::MatrixXd& held, c
 /// `log_fit`: at the optimum, with the priors of the first `base` coefficients, which are nuisances.
 double log_evidence_of(const Optimum& optimum, const Eigen::LLT<Eigen::MatrixXd>& held, const Design& design,
                        const Eigen::MatrixXd& covariance, const std::vector<Term>& terms,
-                       const std::vector<Rescaled>& factors, double log_fit, Index base) {
-  const Index k = design.mean.size();
-  const Eigen::MatrixXd covariance_held = held.solve(Eigen::MatrixXd::Identity(k, k));
+                       const std::vector<double>& added, double log_fit, Index base) {
   double sum = optimum.log_posterior - 0.5 * log_determinant(held);
   const double of_uniform = 0.5 * std::log(2 * pi / 12);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
-    sum += factors[t].added + of_nearer_formulas(optimum, covariance_held, design, block);
+    sum += added[t];
     const Index n = block.shapes, first = block.first_shape();
     const double width = n == 0 ? 0 : 0.5 * std::log(covariance.block(first, first, n, n).determinant());
     sum += std::min(terms[t].by_grid, width + static_cast<double>(n) * of_uniform + terms[t].by_modes);
@@ -134,13 +132,17 @@ Term moved(const Term& term, const Optimum& optimum, const Eigen::VectorXd& step
   return there;
 }
 
-/// A design in which shapes stay where they are.
-Design with_shapes_held(Design design) {
+/// The optimum while shapes stay where they are.
+Optimum with_shapes_held(const Session& session, Design& design, const Eigen::VectorXd& start) {
+  const Eigen::VectorXd lower = design.lower, upper = design.upper;
   for (const Design::Block& block : design.blocks) {
     design.lower.segment(block.first_shape(), block.shapes).setZero();
     design.upper.segment(block.first_shape(), block.shapes).setZero();
   }
-  return design;
+  Optimum optimum = optimum_of(session, design, start);
+  design.lower = lower;
+  design.upper = upper;
+  return optimum;
 }
 
 /// A term's sizes in units of their prior.
@@ -179,8 +181,7 @@ bool suits_size(const Optimum& optimum, const Design& design, const Design::Bloc
 Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitted& before) {
   Fitted result;
   result.design = design_of(session, terms);
-  result.optimum =
-      optimum_of(session, with_shapes_held(result.design), start_of(result.design, terms, before));
+  result.optimum = with_shapes_held(session, result.design, start_of(result.design, terms, before));
   const Eigen::VectorXd stepped = curvature_at(session, result.design, result.optimum);
   Hypothesis& h = result.hypothesis;
   for (const Term& term : terms) h.log_prior += term.kind->log_prior;
@@ -195,11 +196,15 @@ Fitted solved(const Session& session, const std::vector<Term>& terms, const Fitt
   const Eigen::LLT<Eigen::MatrixXd> held(known);
   const Eigen::MatrixXd covariance_held = held.solve(Eigen::MatrixXd::Identity(k, k));
   std::vector<Rescaled> factors;
-  for (std::size_t t = 0; t < terms.size(); ++t)
-    factors.push_back(
-        rescaled(session, result.optimum, covariance_held, result.design, result.design.blocks[t], terms[t]));
+  std::vector<double> added;  // by other sizes of priors
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    const Design::Block& block = result.design.blocks[t];
+    factors.push_back(rescaled(session, result.optimum, covariance_held, result.design, block, terms[t]));
+    added.push_back(factors.back().added +
+                    of_nearer_formulas(result.optimum, covariance_held, result.design, block));
+  }
   h.log_evidence =
-      log_evidence_of(result.optimum, held, result.design, covariance, terms, factors, h.log_fit, base);
+      log_evidence_of(result.optimum, held, result.design, covariance, terms, added, h.log_fit, base);
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = result.design.blocks[t];
     h.terms.push_back(moved(terms[t], result.optimum, stepped, result.design, block, covariance));

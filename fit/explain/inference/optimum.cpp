@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -35,16 +34,7 @@ enum class For {
   evidence,    ///< Of what is there.
   new_terms    ///< Linearised at as much as the rows are on the whole.
 };
-/// Whitened columns with their squares.
-struct Squared {
-  Eigen::MatrixXd white, square;
-  explicit Squared(Eigen::MatrixXd columns) : white(std::move(columns)), square(square_of_columns(white)) {}
-};
-/// By channel, of those whose information is the same anywhere.
-using Fixed = std::map<std::size_t, Squared>;
-
-Scored scored(const Session& session, const Design& design, Optimum& there, Fixed& fixed,
-              For what = For::steps) {
+Scored scored(const Session& session, const Design& design, Optimum& there, For what) {
   const bool raised = what == For::new_terms, steps = what == For::steps || what == For::last_steps;
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
@@ -58,22 +48,22 @@ Scored scored(const Session& session, const Design& design, Optimum& there, Fixe
                                : what == For::steps      ? rows.steady(eta)
                                : what == For::last_steps ? rows.observed(eta)
                                                          : rows.curved(eta);
-    const auto squared = [&] { return Squared(rows.whitened(design.parts[c].columns, at)); };
-    const auto known = fixed.find(c);
-    std::optional<Squared> here;
-    const Squared& columns = known != fixed.end()           ? known->second
-                             : rows.has_fixed_information() ? fixed.emplace(c, squared()).first->second
-                                                            : here.emplace(squared());
+    Squared here;
+    if (!design.parts[c].fixed) {
+      here.white = rows.whitened(design.parts[c].columns, at);
+      here.square = square_of_columns(here.white);
+    }
+    const Squared& columns = design.parts[c].fixed ? *design.parts[c].fixed : here;
     there.white_residual[c] = rows.white_residual(raised ? at : eta);
     if (raised)
       there.white_residual[c] += rows.whitened(at - eta, at);
     else if (at != eta)  // the same score over another root of the information
       there.white_residual[c] = there.white_residual[c].cwiseProduct(
           rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
-    there.white[c] = columns.white;
     const std::vector<Index>& index = design.parts[c].index;
     s.gradient(index) += columns.white.transpose() * there.white_residual[c];
     s.information(index, index) += columns.square;
+    if (!steps) there.white[c] = columns.white;
   }
   return s;
 }
@@ -101,9 +91,9 @@ Eigen::VectorXd step_of_free(const Eigen::MatrixXd& information, const Eigen::Ve
 bool stop_at_bounds(const Design& design, const Eigen::VectorXd& x, Stopped& stopped, Eigen::VectorXd& by) {
   bool any = false;
   for (Index k = 0; k < x.size(); ++k) {
-    const double most = std::clamp(x[k] + by[k], design.lower[k], design.upper[k]) - x[k];
-    if (stopped[static_cast<std::size_t>(k)] || most == by[k]) continue;
-    by[k] = most;
+    const double to = x[k] + by[k];
+    if (stopped[static_cast<std::size_t>(k)] || (to >= design.lower[k] && to <= design.upper[k])) continue;
+    by[k] = std::clamp(to, design.lower[k], design.upper[k]) - x[k];
     stopped[static_cast<std::size_t>(k)] = any = true;
   }
   return any;
@@ -160,21 +150,21 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
 }
 
 /// Uphill from there: by scoring steps, and near the top by steps of the observed information (Newton's),
-/// which settle sooner, as long as they help.
+/// which settle sooner, where they help.
 Optimum climbed(const Session& session, const Design& design, Optimum now) {
-  constexpr int most_steps = 40;
+  constexpr int most_steps = 40, most_idle = 2;
   constexpr double settled = 1e-3, near = 10, hardly = 3e-3, first_damping = 0.3, most_damping = 1e4;
-  Fixed fixed;
   double damping = 0;
   For what = For::steps;
-  Scored s = scored(session, design, now, fixed, what);
+  int idle = 0;
+  Scored s = scored(session, design, now, what);
   for (int step = 0; step < most_steps; ++step) {
     const Step whole = step_of(s, design, now.x, damping);
     if (whole.promises < settled) break;
     Optimum next = judged_at(session, design, now.x + whole.by, &now);
     if (what == For::last_steps && !(next.log_posterior >= now.log_posterior)) {
       what = For::steps;
-      s = scored(session, design, now, fixed, what);
+      s = scored(session, design, now, what);
       continue;
     }
     while (next.log_posterior < now.log_posterior && damping < most_damping) {
@@ -185,9 +175,10 @@ Optimum climbed(const Session& session, const Design& design, Optimum now) {
     damping = damping > first_damping ? damping / 8 : 0;
     const double gain = next.log_posterior - now.log_posterior;
     now = std::move(next);
+    idle = gain < hardly ? idle + 1 : 0;
     what = gain < near ? For::last_steps : For::steps;
-    s = scored(session, design, now, fixed, what);
-    if (gain < hardly) break;
+    s = scored(session, design, now, what);
+    if (idle == most_idle) break;
   }
   now.factor.compute(s.information);
   return now;
@@ -239,8 +230,7 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
 
 Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
   Optimum there = optimum;
-  Fixed fixed;
-  there.factor.compute(scored(session, design, there, fixed, For::new_terms).information);
+  there.factor.compute(scored(session, design, there, For::new_terms).information);
   there.root.resize(there.eta.size());
   for (std::size_t c = 0; c < there.eta.size(); ++c) {
     if (!session.channels()[c]) continue;
@@ -252,8 +242,7 @@ Optimum raised(const Session& session, const Design& design, const Optimum& opti
 }
 
 Eigen::VectorXd curvature_at(const Session& session, const Design& design, Optimum& there) {
-  Fixed fixed;
-  const Scored s = scored(session, design, there, fixed, For::evidence);
+  const Scored s = scored(session, design, there, For::evidence);
   there.factor.compute(s.information);
   return within_bounds(design, there.x + step_of(s, design, there.x).by);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "fit/explain/inference/session.hpp"
@@ -15,6 +16,7 @@ struct Design {
     Eigen::MatrixXd columns;
     std::vector<Eigen::Index> index;  ///< Of each column's coefficient.
     Eigen::VectorXd offset;           ///< Of the predictor where all coefficients are zero.
+    std::shared_ptr<const Squared> fixed;  ///< Of the columns, where the information is the same anywhere.
 
     /// Adds what coefficients do, of these from one on and before another; by its columns, or whitened ones.
     void add(const Eigen::MatrixXd& by, const Eigen::VectorXd& x, Eigen::VectorXd& sum,
@@ -22,6 +24,7 @@ struct Design {
   };
   struct Block {
     Eigen::Index first = 0, sizes = 0, shapes = 0, deviations = 0;
+    Eigen::Index of_formula = 0;  ///< Of the deviations, so many of the first.
     [[nodiscard]] Eigen::Index first_shape() const { return first + sizes; }
     [[nodiscard]] Eigen::Index first_deviation() const { return first_shape() + shapes; }
     [[nodiscard]] Eigen::Index end() const { return first_deviation() + deviations; }

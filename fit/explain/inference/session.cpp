@@ -12,6 +12,7 @@
 #include "fit/explain/numbers.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"
+#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 
@@ -70,6 +71,16 @@ double variance_of_stops(const Reduced& reduced, const MeanNoise& noise) {
   return variance_of_stops_rad2(rows, model_of(rows, noise, explain::Hypothesis(rows.bench)));
 }
 
+std::shared_ptr<const Squared> white_base_of(const ChannelRows& rows) {
+  if (!rows.has_fixed_information()) return nullptr;
+  const Columns& base = rows.base();
+  Eigen::MatrixXd columns(rows.rows(), base.columns.cols());
+  if (columns.cols() > 0) columns = base.columns * units_of(base.prior.sigma).asDiagonal();
+  Squared squared{rows.whitened(std::move(columns), {}), {}};
+  squared.square = square_of_columns(squared.white);
+  return std::make_shared<const Squared>(std::move(squared));
+}
+
 }  // namespace
 
 Session::Session(Reduced& reduced, MeanNoise noise, const Nuisance& there)
@@ -92,6 +103,7 @@ void Session::make_channels(const MeanNoise& noise) {
   // prediction, keeps those it had.
   auto before = std::exchange(channels_, {});
   offsets_.clear();
+  white_base_.clear();
   for (const model::ChannelKind& kind : model::channel_kinds()) {
     const std::size_t c = channels_.size();
     auto rows = before.empty() || before[c] ? kind.rows(reduced_, noise) : nullptr;
@@ -105,6 +117,7 @@ void Session::make_channels(const MeanNoise& noise) {
         if (std::isfinite(known)) offset[i] += known;
       }
     offsets_.push_back(std::move(offset));
+    white_base_.push_back(channels_.back() ? white_base_of(*channels_.back()) : nullptr);
   }
 }
 
@@ -162,21 +175,26 @@ double Session::mean_range_mm() const {
 void Session::keep_combs(Hypothesis& at, std::vector<Hypothesis>& following) {
   if (std::ranges::none_of(at.terms, [](const Term& term) { return term.kind->bins.has_value(); })) return;
   const double before_mm = mean_range_mm();
-  predict(reduced_, nuisance(at), {}, false);
+  predict(reduced_, nuisance(at), means_at_work(at), false);
   const double farther_mm = mean_range_mm() - before_mm;
   for (Term& term : at.terms) model::follow(term, farther_mm);
   for (Hypothesis& h : following)
     for (Term& term : h.terms) model::follow(term, farther_mm);
 }
 
-void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
-  keep_combs(at, following);
+std::vector<Active> Session::means_at_work(const Hypothesis& h) const {
   std::vector<Active> at_work;
   for (const Active& known : known_)
     if (moves_means(*known.mechanism)) at_work.push_back(known);
-  for (const Term& term : at.terms)
+  for (const Term& term : h.terms)
     if (term.kind->moves_means())
       at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
+  return at_work;
+}
+
+void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
+  keep_combs(at, following);
+  const std::vector<Active> at_work = means_at_work(at);
   std::vector<Active> from_scan_to_scan;
   for (const Active& known : known_)
     if (known.mechanism->coordinate == Coordinate::scan_seq) from_scan_to_scan.push_back(known);

@@ -25,6 +25,14 @@ struct Hypothesis {
   [[nodiscard]] std::vector<const Kind*> kinds() const;
 };
 
+/// What coefficients with these standard deviations are counted in: none is zero.
+[[nodiscard]] inline Eigen::VectorXd units_of(const Eigen::VectorXd& sigma) { return sigma.cwiseMax(1e-12); }
+
+/// Whitened columns with their products.
+struct Squared {
+  Eigen::MatrixXd white, square;
+};
+
 /// A session as rows of all channels, its means linearised where a hypothesis predicts.
 class Session {
  public:
@@ -38,6 +46,11 @@ class Session {
   [[nodiscard]] const Reduced& reduced() const { return reduced_; }
   /// Of the means, at the present linearisation.
   [[nodiscard]] const MeanNoise& noise() const { return present_noise_; }
+  /// Of a channel's base, in units of its prior's standard deviations; null where the information is not
+  /// fixed.
+  [[nodiscard]] const std::shared_ptr<const Squared>& white_base(std::size_t channel) const {
+    return white_base_[channel];
+  }
   /// In the order of model::channel_kinds(); null where the session has no rows.
   [[nodiscard]] const std::vector<std::unique_ptr<ChannelRows>>& channels() const { return channels_; }
   /// Of a channel's predictor where all coefficients are zero.
@@ -62,7 +75,9 @@ class Session {
   [[nodiscard]] std::vector<Eigen::Index> row_counts() const;  ///< Of every channel.
   void make_channels(const MeanNoise& noise);
   [[nodiscard]] double mean_range_mm() const;
-  /// Where bins lie is known against what is recorded, whatever mount and targets make of the ranges.
+  [[nodiscard]] std::vector<Active> means_at_work(const Hypothesis& h) const;
+  /// Where bins lie is known against what is recorded: they follow when mount and targets make all ranges
+  /// longer or shorter, on average.
   void keep_combs(Hypothesis& at, std::vector<Hypothesis>& following);
 
   Reduced& reduced_;
@@ -70,6 +85,7 @@ class Session {
   MeanNoise noise_, present_noise_;  ///< As given, and with what the hypothesis says of scans.
   std::vector<std::unique_ptr<ChannelRows>> channels_;
   std::vector<Eigen::VectorXd> offsets_;
+  std::vector<std::shared_ptr<const Squared>> white_base_;
   std::shared_ptr<const std::vector<Kind>> kinds_;
   mutable std::vector<std::vector<AtStart>> columns_;  ///< By kind and start.
 };

@@ -114,7 +114,7 @@ TermColumns columns_of(const MeanModel& model, const Term& term) {
     columns.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = kind.coefficients[k].typical;
   }
   columns.shapes = with_standard_prior(model::shape_columns(rows, there));
-  columns.deviations = with_standard_prior(model::deviation_columns(rows, there));
+  columns.deviations = with_standard_prior(model::deviations_of(rows, there).columns);
   return columns;
 }
 

@@ -54,7 +54,7 @@ class Counts : public IndependentRows {
     for (Eigen::Index i = 0; i < rows(); ++i) {
       const double h = hazard_of(eta[i]), e = std::expm1(h);
       eta[i] = of(i).y == 0 ? std::max(h, all_but_flat)
-                            : std::max(1e-12, std::log1p(e * e / (1 + e) * of(i).n / of(i).y));
+                            : std::max(1e-12, std::log1p(e * -std::expm1(-h) * of(i).n / of(i).y));
     }
     return eta;
   }

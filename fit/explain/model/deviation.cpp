@@ -233,7 +233,6 @@ Eigen::MatrixXd of_local(const Rows& channel, const Term& term, std::size_t widt
 Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   const Kind& kind = *term.kind;
   const Mechanism& m = *kind.mechanism;
-  if (m.coordinate == Coordinate::approach) return place_in_play(channel, term);
   const bool any_curve = m.any_curve || (kind.size && m.parameters[*kind.size].any_curve);
   const bool has_no_curve = (m.formula_error <= 0 && !any_curve) || m.one_target || kind.is_form() ||
                             m.coordinate == Coordinate::stage_rate ||
@@ -270,18 +269,27 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
       }
     }
   }
-  columns = with_zero_elsewhere(channel, term, std::move(columns));
-  return m.coordinate == Coordinate::temperature ? of_unread(channel, term, std::move(columns)) : columns;
+  return columns;
 }
 
 }  // namespace
 
-Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term) {
-  const Eigen::MatrixXd formula = of_formula(channel, term), draws = of_draws(channel, term);
-  if (draws.cols() == 0) return formula;
-  Eigen::MatrixXd columns(channel.rows(), formula.cols() + draws.cols());
-  columns << formula, draws;
-  return columns;
+Deviations deviations_of(const Rows& channel, const Term& term) {
+  Deviations d;
+  if (term.kind->mechanism->coordinate == Coordinate::approach) {
+    d.columns = place_in_play(channel, term);
+  } else {
+    d.columns = of_formula(channel, term);
+    d.of_formula = d.columns.cols();
+    d.columns = with_zero_elsewhere(channel, term, std::move(d.columns));
+    if (term.kind->mechanism->coordinate == Coordinate::temperature)
+      d.columns = of_unread(channel, term, std::move(d.columns));
+  }
+  const Eigen::MatrixXd draws = of_draws(channel, term);
+  if (draws.cols() == 0) return d;
+  d.columns.conservativeResize(Eigen::NoChange, d.columns.cols() + draws.cols());
+  d.columns.rightCols(draws.cols()) = draws;
+  return d;
 }
 
 }  // namespace fit::explain::model

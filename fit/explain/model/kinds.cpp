@@ -66,14 +66,13 @@ bool is_round(const ListOfChannels& channels, int target) {
   return false;
 }
 
-std::vector<std::vector<double>> grid_of(const Kind& kind, const ListOfChannels& channels) {
+std::vector<std::vector<double>> grid_of(const Kind& kind, bool round, const ListOfChannels& channels) {
   std::vector<double> first;
   for (const Parameter& p : kind.mechanism->parameters)
     first.push_back(p.role == Role::size ? p.typical : p.role == Role::phase ? 0 : p.left_out());
   if (kind.size)
     for (std::size_t k = 0; k < first.size(); ++k)
       if (kind.mechanism->parameters[k].role == Role::size && k != kind.size) first[k] = 0;
-  const bool round = is_round(channels, kind.target);
   for (std::size_t k = 0; k < first.size(); ++k)
     if (!suits(kind.mechanism->parameters[k].targets, round)) first[k] = 0;
   std::vector<std::vector<double>> grid{first};
@@ -257,7 +256,7 @@ Kind kind_of(const Mechanism& m, int target, const ListOfChannels& channels, std
   if (!suits(m.targets, round)) return kind;
   kind.size = size;
   kind.is_plain = is_plain;
-  kind.starts = grid_of(kind, channels);
+  kind.starts = grid_of(kind, round, channels);
   if (kind.starts.empty()) return kind;
   kind.coefficients = coefficients_of(m, [&](std::size_t k) { return power_of(kind, k, channels); });
   std::erase_if(kind.coefficients, [&](const Coefficient& c) {

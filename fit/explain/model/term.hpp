@@ -109,7 +109,11 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
 /// Keeps a comb's teeth where they are when all places that it sees are farther by so much.
 void follow(Term& term, double farther);
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.
-[[nodiscard]] Eigen::MatrixXd deviation_columns(const Rows& channel, const Term& term);
+struct Deviations {
+  Eigen::MatrixXd columns;
+  Eigen::Index of_formula = 0;  ///< So many of the first say how near the formula is; the others are known.
+};
+[[nodiscard]] Deviations deviations_of(const Rows& channel, const Term& term);
 
 /// What a mechanism of the catalogue is by itself: no starts, no coefficients.
 [[nodiscard]] Kind kind_without_channels(const Mechanism& mechanism, int target);

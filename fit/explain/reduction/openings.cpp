@@ -142,15 +142,15 @@ void leave_out_unmet_targets(Reduced& reduced) {
   };
   std::map<int, Beams> of_target;
   for (const Cell& cell : reduced.cells) {
+    if (cell.n == 0) continue;
     Beams& beams = of_target[cell.at.target];
     const bool is_near = std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm;
     ++beams.all;
-    beams.near += cell.n > 0 && is_near;
-    beams.elsewhere += cell.n > 0 && !is_near;
+    beams.near += is_near;
+    beams.elsewhere += !is_near;
   }
   for (const auto& [target, beams] : of_target)
-    if (beams.elsewhere >= fewest && 2 * beams.elsewhere > beams.all && few * beams.near < beams.all)
-      reduced.unmet.push_back(target);
+    if (beams.elsewhere >= fewest && few * beams.near < beams.all) reduced.unmet.push_back(target);
   for (Cell& cell : reduced.cells)
     if (std::ranges::count(reduced.unmet, cell.at.target)) cell.leave_out();
 }

@@ -25,8 +25,8 @@ std::vector<Opening> leave_out_openings(Reduced& reduced);
 /// what stands far behind: a board that was carried away.
 std::map<int, int> leave_out_absent_targets(Reduced& reduced);
 
-/// Takes out targets that no beam meets where the bench file has them, though many should: `unmet` from then
-/// on.
+/// Takes out targets that hardly a beam meets where the bench file has them, though many should: `unmet` from
+/// then on.
 void leave_out_unmet_targets(Reduced& reduced);
 
 }  // namespace fit::explain::reduction

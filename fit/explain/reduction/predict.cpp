@@ -48,6 +48,8 @@ void move_to(const Sight& sight, const Scene& scene, Cell& cell) {
   cell.at.bearing_rad = sight.bearing_rad;
   cell.at.along_mm = sight.along_mm;
   cell.at.along_sign = sight.along_sign;
+  cell.at.normal = sight.normal;
+  cell.at.half_length_mm = scene.half_length_mm(sight.target);
   cell.at.corner_mm = scene.to_corner_mm(sight);
 }
 

@@ -138,7 +138,7 @@ struct Sector : WeightedSums {
 struct Passer {
   int capture = 0;
   double from_rad = 0, to_rad = 0;
-  std::optional<Eigen::Vector2d> at_mm = {};  ///< Its middle, if it stood there throughout the capture.
+  std::optional<Eigen::Vector2d> at_mm = {};  ///< The middle of its front, if it stood there throughout.
 };
 
 /// A mean so far off has nothing to do with the target that the bench file has there.
@@ -160,7 +160,7 @@ struct Reduced {
   /// to the target.
   std::vector<float> strays_mm, strays_of_target;
   std::vector<Passer> passers;  ///< Seen in some scans of a capture.
-  std::vector<int> unmet;       ///< Targets that no beam meets where the bench file has them.
+  std::vector<int> unmet;       ///< Targets that hardly a beam meets where the bench file has them.
   long samples = 0;
   double reference_temperature_c = 0;
   bool has_intensity = false;          ///< Otherwise cells have the echo that the bench file lets expect.

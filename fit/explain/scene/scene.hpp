@@ -94,6 +94,7 @@ class Scene {
   [[nodiscard]] double to_corner_mm(const Sight& sight) const { return scene_.to_corner_mm(sight); }
   /// To the next place where another target begins, inner corner or outer.
   [[nodiscard]] double to_joint_mm(const Sight& sight) const { return scene_.to_joint_mm(sight); }
+  [[nodiscard]] double half_length_mm(int target) const { return scene_.half_length_mm(target); }
   /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
   void describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const;
 

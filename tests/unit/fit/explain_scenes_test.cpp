@@ -163,10 +163,36 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("ranges predicted of a post that stands elsewhere and is thicker are those of a circle there") {
+  PlainScene scene{.walls = plain_bench::furnished, .posts = with_posts.posts};
+  SyntheticRecording recording = plain_bench::recorded(scene, 50, nothing);
+  plain_bench::turn_round(recording, scene, 6, 4);
+  constexpr double out_mm = 12, aside_mm = -9, thicker_mm = 7;
+  const auto post = static_cast<int>(scene.walls.size());
+  fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+  fit::explain::predict(reduced, fit::explain::Nuisance(reduced.bench),
+                        {{fit::find_mechanism("target-offset"), {out_mm, aside_mm}, post},
+                         {fit::find_mechanism("target-radius"), {thicker_mm}, post}},
+                        false);
+  plain_bench::Post& there = scene.posts.front();
+  there.centre += there.centre / std::abs(there.centre) * plain_bench::Point(out_mm, aside_mm);
+  there.radius += thicker_mm;
+  int met = 0;
+  for (const fit::explain::Cell& cell : reduced.cells) {
+    const auto seen = plain_bench::look(scene, {}, reduced.capture_of(cell).stage_rad, cell.beam_rad);
+    if (!cell.smooth || cell.at.target != post || !seen || seen->wall != static_cast<std::size_t>(post))
+      continue;
+    CHECK(cell.nominal_mm == Approx(seen->range_mm).margin(1e-6));
+    CHECK(cell.at.half_length_mm == Approx(there.radius * fit::pi / 2));
+    ++met;
+  }
+  CHECK(met > 30);
+}
+
 TEST_CASE("a post elsewhere than the bench file says, or a thicker one, is told as that, and is not bent") {
   const PlainScene scene{
       .walls = plain_bench::furnished, .posts = with_posts.posts, .step_deg = 0.25, .sigma_mm = 5};
-  const PlainScene there = at_spacing(scene, 0.25);
+  const PlainScene there = at_spacing(scene, 0.5);
   for (const auto& [dx, dy, thicker] : std::vector<std::array<double, 3>>{{10, 0, 0}, {7, 8, 0}, {0, 0, 6}}) {
     PlainScene written = there;
     written.posts.front().centre -= plain_bench::Point(dx, dy);

@@ -269,6 +269,12 @@ TEST_CASE("a post stands aside and is thicker, as the truth says") {
   CHECK(front({.aside_mm = 120}) == Approx(2000 - std::sqrt(300. * 300 - 120 * 120)).margin(0.6));
   CHECK(front({.offset_mm = 15, .aside_mm = -120}) ==
         Approx(2015 - std::sqrt(300. * 300 - 120 * 120)).margin(0.6));
+  // Counter-clockwise of where it was: beams to the left meet it more squarely.
+  world.targets["wall"] = {.aside_mm = 120};
+  const double bearing = 5 * fit::rad_per_deg, along = 2000 * std::cos(bearing) + 120 * std::sin(bearing),
+               beside = -2000 * std::sin(bearing) + 120 * std::cos(bearing);
+  CHECK(record(world, 200).at(5).mean() ==
+        Approx(along - std::sqrt(300. * 300 - beside * beside)).margin(0.6));
 }
 
 }  // namespace causal_echo_test
