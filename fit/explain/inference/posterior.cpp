@@ -58,7 +58,35 @@ class Weighed {
     return smallest_set(members);
   }
 
+  /// The term with what others that count make of the same cause in its uncertainty: plain or not, and with
+  /// other terms beside it.
+  [[nodiscard]] Term as_all_have_it(Term term) const {
+    if (term.sigma.empty()) return term;
+    std::vector<double> variance(term.values.size(), 0.0);
+    double all = 0;
+    for (const auto& [h, p] : list_)
+      for (const Term& other : h->terms) {
+        if (!other.kind->is_same_cause(*term.kind) || other.sigma.size() != term.sigma.size()) continue;
+        all += p;
+        for (std::size_t k = 0; k < variance.size(); ++k)
+          variance[k] += p * (std::pow(other.sigma[k], 2) + std::pow(apart(other, term, k), 2));
+      }
+    for (std::size_t k = 0; all > 0 && k < variance.size(); ++k)
+      term.sigma[k] = std::max(term.sigma[k], std::sqrt(variance[k] / all));
+    return term;
+  }
+
  private:
+  /// By how much two have another value.
+  static double apart(const Term& a, const Term& b, std::size_t k) {
+    constexpr double always = 1e9;  // a time
+    if (std::max(std::abs(a.values[k]), std::abs(b.values[k])) >= always) return 0;
+    const double difference = a.values[k] - b.values[k];
+    const bool is_phase =
+        !a.kind->is_form() && a.kind->mechanism->parameters[k].role == Parameter::Role::phase;
+    return is_phase ? std::remainder(difference, 360) : difference;
+  }
+
   /// The term itself where it is; another that is not in `best`; null if there is none.
   static const Term* in_place_of(const Hypothesis& h, const Hypothesis& best, const Term& term) {
     for (const Term& own : h.terms)
@@ -98,7 +126,8 @@ Posterior posterior_of(const Explored& explored) {
     listed_sorts.push_back(sort);
     const double probability = weighed.probability_of(sort);
     if (probability >= numbers::named_at) {
-      (term.kind->is_form() ? result.forms : result.named).push_back({term, probability});
+      (term.kind->is_form() ? result.forms : result.named)
+          .push_back({weighed.as_all_have_it(term), probability});
       continue;
     }
     if (again) continue;
