@@ -276,8 +276,8 @@ TEST_CASE("a stage that slips by a degree half way moves nothing else") {
 }
 
 TEST_CASE("a stage that slips by several degrees half way has no mistyped captures") {
-  std::vector<Stop> stops = stops_all_round(12);
-  for (std::size_t i = 7; i < stops.size(); ++i) stops[i].true_deg += 4;
+  std::vector<Stop> stops = stops_all_round(9);
+  for (std::size_t i = 5; i < stops.size(); ++i) stops[i].true_deg += 4;
   const SyntheticRecording recording = recorded(stops, 5, {}, 3);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));

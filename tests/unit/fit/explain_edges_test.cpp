@@ -163,7 +163,7 @@ TEST_CASE("a beam that times all that it meets is no stray light and no light ov
     return Deviation{.range_mm = sum_mm / light};
   };
   SyntheticRecording recording = plain_bench::recorded(scene, 9, mean_over_beam);
-  plain_bench::turn_round(recording, scene, 20, 40);
+  plain_bench::turn_round(recording, scene, 14, 40);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));
   for (const auto& named : e.mechanisms) CHECK(named.mechanism->id == "mixed-pixel");
