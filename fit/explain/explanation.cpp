@@ -21,13 +21,12 @@ namespace {
 
 /// Targets that are elsewhere, or seen from elsewhere.
 std::string on_unmet(const Reduced& reduced) {
-  std::string names;
-  for (const int target : reduced.unmet)
-    names += (names.empty() ? "" : ", ") + ("'" + reduced.bench.target_at(target).name + "'");
-  return reduced.unmet.size() == 1
-             ? "hardly a beam meets target " + names +
+  std::vector<std::string> names;
+  for (const int target : reduced.unmet) names.push_back("'" + reduced.bench.target_at(target).name + "'");
+  return names.size() == 1
+             ? "hardly a beam meets target " + names.front() +
                    " where the bench file has it: correct its place, or take it out"
-             : "hardly a beam meets targets " + names +
+             : "hardly a beam meets targets " + listed(names) +
                    " where the bench file has them: correct their places, or the mount's, or take them out";
 }
 

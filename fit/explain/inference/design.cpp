@@ -109,11 +109,12 @@ void add_fixed(const Session& session, Design& design) {
     if (!part.fixed) continue;
     const Index known = part.fixed->white.cols(), more = part.columns.cols() - known;
     if (more == 0) continue;
-    const Eigen::MatrixXd added = session.channels()[c]->whitened(part.columns.rightCols(more), {});
-    const Eigen::MatrixXd cross = transpose_product(part.fixed->white, added);
-    Squared all{Eigen::MatrixXd(added.rows(), known + more), Eigen::MatrixXd(known + more, known + more)};
-    all.white << part.fixed->white, added;
-    all.square << part.fixed->square, cross, cross.transpose(), square_of_columns(added);
+    const Squared added = squared(session.channels()[c]->whitened(part.columns.rightCols(more), {}));
+    const Eigen::MatrixXd cross = transpose_product(part.fixed->white, added.white);
+    Squared all{Eigen::MatrixXd(added.white.rows(), known + more),
+                Eigen::MatrixXd(known + more, known + more)};
+    all.white << part.fixed->white, added.white;
+    all.square << part.fixed->square, cross, cross.transpose(), added.square;
     part.fixed = std::make_shared<const Squared>(std::move(all));
   }
 }

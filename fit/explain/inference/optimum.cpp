@@ -7,8 +7,6 @@
 #include <optional>
 #include <utility>
 
-#include "fit/numeric/products.hpp"
-
 namespace fit::explain::inference {
 
 using Eigen::Index;
@@ -49,10 +47,7 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
                                : what == For::last_steps ? rows.observed(eta)
                                                          : rows.curved(eta);
     Squared here;
-    if (!design.parts[c].fixed) {
-      here.white = rows.whitened(design.parts[c].columns, at);
-      here.square = square_of_columns(here.white);
-    }
+    if (!design.parts[c].fixed) here = squared(rows.whitened(design.parts[c].columns, at));
     const Squared& columns = design.parts[c].fixed ? *design.parts[c].fixed : here;
     there.white_residual[c] = rows.white_residual(raised ? at : eta);
     if (raised)
@@ -121,7 +116,8 @@ Step step_of(const Scored& s, const Design& design, const Eigen::VectorXd& x, do
     by = step_of_free(information, s.gradient, stopped, by);
   const auto gain = [&](const Eigen::VectorXd& d) { return d.dot(s.gradient - 0.5 * (information * d)); };
   // What was stopped on the way may have to come back: then the plain step.
-  return gain(by) > 0 ? Step{by, gain(by)} : Step{first, gain(first)};
+  const double promises = gain(by);
+  return promises > 0 ? Step{by, promises} : Step{first, gain(first)};
 }
 
 Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {

@@ -79,8 +79,7 @@ class Weighed {
  private:
   /// By how much two have another value.
   static double apart(const Term& a, const Term& b, std::size_t k) {
-    constexpr double always = 1e9;  // a time
-    if (std::max(std::abs(a.values[k]), std::abs(b.values[k])) >= always) return 0;
+    if (model::is_always(a.values[k]) || model::is_always(b.values[k])) return 0;
     const double difference = a.values[k] - b.values[k];
     const bool is_phase =
         !a.kind->is_form() && a.kind->mechanism->parameters[k].role == Parameter::Role::phase;

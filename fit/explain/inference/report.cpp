@@ -19,7 +19,7 @@ std::map<std::string, Estimate> parameters_of(const Term& term) {
     const Parameter& p = term.kind->mechanism->parameters[k];
     const bool is_own = std::ranges::count(term.kind->coefficients, k, &model::Coefficient::parameter) > 0;
     if (p.role == Parameter::Role::size && !is_own) continue;  // another kind's, or of other targets
-    if (std::abs(term.values[k]) >= 1e9) continue;  // says "always"
+    if (model::is_always(term.values[k])) continue;
     if (term.kind->is_plain && p.generalises) continue;
     const double u = k < term.sigma.size() ? term.sigma[k] : 0.0;
     map[p.name] = {term.values[k], std::hypot(u, p.own_affair * term.values[k])};

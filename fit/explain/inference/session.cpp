@@ -12,7 +12,6 @@
 #include "fit/explain/numbers.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"
-#include "fit/numeric/products.hpp"
 
 namespace fit::explain::inference {
 
@@ -76,9 +75,7 @@ std::shared_ptr<const Squared> white_base_of(const ChannelRows& rows) {
   const Columns& base = rows.base();
   Eigen::MatrixXd columns(rows.rows(), base.columns.cols());
   if (columns.cols() > 0) columns = base.columns * units_of(base.prior.sigma).asDiagonal();
-  Squared squared{rows.whitened(std::move(columns), {}), {}};
-  squared.square = square_of_columns(squared.white);
-  return std::make_shared<const Squared>(std::move(squared));
+  return std::make_shared<const Squared>(squared(rows.whitened(std::move(columns), {})));
 }
 
 }  // namespace

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "fit/explain/model/term.hpp"
+#include "fit/numeric/products.hpp"
 
 /// Inference in the model of docs/method/model.md.
 namespace fit::explain::inference {
@@ -32,6 +34,10 @@ struct Hypothesis {
 struct Squared {
   Eigen::MatrixXd white, square;
 };
+[[nodiscard]] inline Squared squared(Eigen::MatrixXd white) {
+  Eigen::MatrixXd square = square_of_columns(white);
+  return {std::move(white), std::move(square)};
+}
 
 /// A session as rows of all channels, its means linearised where a hypothesis predicts.
 class Session {

@@ -177,7 +177,7 @@ std::vector<std::size_t> shapes_of(const Kind& kind) {
   const auto& parameters = kind.mechanism->parameters;
   for (std::size_t k = 0; k < parameters.size(); ++k)
     if (parameters[k].role == Role::shape && parameters[k].upper > parameters[k].lower &&
-        parameters[k].starts > 0 && std::abs(parameters[k].expected) < 1e9 &&
+        parameters[k].starts > 0 && !is_always(parameters[k].expected) &&
         !(kind.is_plain && parameters[k].generalises))
       list.push_back(k);
   return list;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <span>
@@ -106,6 +107,8 @@ void set_coefficients(Term& term, const Eigen::VectorXd& value, const Eigen::Mat
                                         const std::vector<double>& values);
 /// Derivatives by the shapes, each scaled to the standard deviation of its uniform prior.
 [[nodiscard]] Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term);
+/// Whether a time at which something begins or ends says that it always acts.
+[[nodiscard]] inline bool is_always(double time_s) { return std::abs(time_s) >= 1e9; }
 /// Keeps a comb's teeth where they are when all places that it sees are farther by so much.
 void follow(Term& term, double farther);
 /// Ways in which the real cause may deviate from the formula, each with a standard normal coefficient.

@@ -20,9 +20,8 @@ constexpr double same_place = 0.5;  // share of what both cover
 bool goes_through(const Cell& cell) {
   return cell.n > 0 ? cell.mean_mm > cell.nominal_mm + astray_mm : cell.lost > 0 && cell.stray == 0;
 }
-bool is_met(const Cell& cell) {
-  return cell.n > 0 && cell.lost == 0 && std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm;
-}
+bool is_near(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm; }
+bool is_met(const Cell& cell) { return cell.n > 0 && cell.lost == 0 && is_near(cell); }
 
 bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
 
@@ -138,19 +137,17 @@ std::map<int, int> leave_out_absent_targets(Reduced& reduced) {
 void leave_out_unmet_targets(Reduced& reduced) {
   constexpr int fewest = 20, few = 20;  // beams; a twentieth
   struct Beams {
-    int all = 0, near = 0, elsewhere = 0;
+    int near = 0, elsewhere = 0;
   };
   std::map<int, Beams> of_target;
   for (const Cell& cell : reduced.cells) {
     if (cell.n == 0) continue;
     Beams& beams = of_target[cell.at.target];
-    const bool is_near = std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm;
-    ++beams.all;
-    beams.near += is_near;
-    beams.elsewhere += !is_near;
+    ++(is_near(cell) ? beams.near : beams.elsewhere);
   }
   for (const auto& [target, beams] : of_target)
-    if (beams.elsewhere >= fewest && few * beams.near < beams.all) reduced.unmet.push_back(target);
+    if (beams.elsewhere >= fewest && few * beams.near < beams.near + beams.elsewhere)
+      reduced.unmet.push_back(target);
   for (Cell& cell : reduced.cells)
     if (std::ranges::count(reduced.unmet, cell.at.target)) cell.leave_out();
 }
