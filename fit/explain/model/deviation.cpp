@@ -146,11 +146,13 @@ Eigen::MatrixXd of_corners(const Rows& channel, const Term& term) {
   return columns;
 }
 
-/// Whatever repeats after a whole number of scans: the harmonics of its wave.
-Eigen::MatrixXd harmonics(const Rows& channel, const Term& term) {
-  constexpr int last = 4;
+/// Whatever repeats after a whole number of scans: the harmonics of its wave, as far as scans show them.
+/// Those above half the number are the wave itself once more, or a lower harmonic.
+Eigen::MatrixXd harmonics(const Rows& channel, const Term& term, std::size_t count) {
+  constexpr int most = 4;
+  const int last = std::min(most, static_cast<int>(std::round(term.values[count])) / 2);
   const std::vector<double> ahead = quarter_ahead(term);
-  Eigen::MatrixXd columns(channel.rows(), 2 * (last - 1));
+  Eigen::MatrixXd columns(channel.rows(), 2 * std::max(0, last - 1));
   for (Index i = 0; i < channel.rows(); ++i)
     for (int k = 2; k <= last; ++k) {
       Circumstances at = channel.at(i);
@@ -237,7 +239,7 @@ Eigen::MatrixXd of_formula(const Rows& channel, const Term& term) {
   const bool has_no_curve = (m.formula_error <= 0 && !any_curve) || m.one_target || kind.is_form() ||
                             m.coordinate == Coordinate::stage_rate ||
                             (m.parameters.size() == 1 && m.coordinate == Coordinate::target);
-  if (m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term);
+  if (const auto count = m.parameter_of(Parameter::Scale::count)) return harmonics(channel, term, *count);
   if (has_no_curve) return Eigen::MatrixXd(channel.rows(), 0);
   if (const auto width = m.parameter_of(Parameter::Scale::width)) return of_local(channel, term, *width);
   if (m.geometric && (m.coordinate == Coordinate::target || m.coordinate == Coordinate::edge_distance))

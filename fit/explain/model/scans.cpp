@@ -117,15 +117,16 @@ void take_off_common(std::vector<ScanPart>& parts, double fewest, const Key& key
   }
 }
 
-/// What repeats is for terms to explain; the rest says what scans draw at random.
+/// What repeats is for terms to explain; the rest says what scans draw at random. Faces come first: a capture
+/// that is the only one of its approach shows them as the others do.
 void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
   constexpr double captures = 2, turns = 4;
-  take_off_common(parts, captures, [](const ScanPart& p) { return std::pair(p.in_capture, p.at.approach); });
   take_off_common(parts, turns, [&](const ScanPart& p) {
     const int face = static_cast<int>(static_cast<std::size_t>(p.at.seq) % faces.number);
     const bool long_capture = p.scans >= 4 * static_cast<int>(faces.number);
     return std::pair(face, long_capture ? p.capture : -1);
   });
+  take_off_common(parts, captures, [](const ScanPart& p) { return std::pair(p.in_capture, p.at.approach); });
 }
 
 /// Sums of the sectors of one part of one scan.
@@ -281,10 +282,10 @@ std::vector<Sector> without_what_repeats(const Reduced& reduced, const std::vect
       if (s.number >= fewest && s.w > 0) rest[i].take_off(s.wd / s.w, 0);
     }
   };
-  take_off(3, [&](std::size_t i) { return std::tuple(rest[i].seq, rest[i].number, rest[i].approach); });
   take_off(4 * sectors_of_scan, [&](std::size_t i) {
     return std::tuple(static_cast<std::size_t>(faces.scan[i]) % faces.number, 0, 0);
   });
+  take_off(3, [&](std::size_t i) { return std::tuple(rest[i].seq, rest[i].number, rest[i].approach); });
   return rest;
 }
 

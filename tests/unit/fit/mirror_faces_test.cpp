@@ -17,7 +17,8 @@ using plain_bench::degree;
 
 /// A room of which most is seen at a slant, so that a range that all beams have in common resembles a turn of
 /// the stage. Every face of the mirror reads its own amount too far; the stage comes from both sides.
-Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double swing_deg = 0) {
+Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double swing_deg = 0,
+                      int scans = 12, bool not_moved_before_first = false) {
   const std::vector<plain_bench::Wall> room{
       {{2400, -3000}, {1100, 1500}}, {{1100, 1500}, {-2800, 1500}}, {{-2800, 1500}, {2400, -3000}}};
   const plain_bench::Mount mount{8, 3, -20};
@@ -48,9 +49,10 @@ Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double
     fit::CaptureInfo capture;
     capture.stage_rad = 45.0 * (i < 8 ? i : 15 - i) * degree;
     capture.approach = i < 8 ? 1 : -1;
+    if (i == 0 && not_moved_before_first) capture.approach = 0;
     capture.since_power_on_s = 100 + 20 * i;
     capture.last_step = 270;
-    recording.add(capture, 12);
+    recording.add(capture, scans);
   }
   return fit::explain::explain({&recording}, {});
 }
@@ -75,6 +77,25 @@ TEST_CASE("mirror faces are named, and nothing beside them", "[rounds]") {
     CHECK(e.undecided_between.empty());
     CHECK(e.verdict == "explained");
   }
+}
+
+TEST_CASE("two or three faces have no harmonics that could be their amplitude") {
+  const std::vector<double> faces_mm =
+      GENERATE(from_range(std::vector<std::vector<double>>{{0.6, -0.6}, {0.64, -0.64, 0}}));
+  const Explanation e = explained(faces_mm, 3);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  const fit::Estimate amplitude = e.mechanisms.front().parameters.at("amplitude_mm");
+  const double truth_mm = faces_mm.size() == 2 ? 0.6 : 1.28 / std::sqrt(3.0);  // of the sine through them
+  CHECK(std::abs(amplitude.value - truth_mm) < 3 * amplitude.u);
+  CHECK(amplitude.u < 0.1 * truth_mm);
+}
+
+TEST_CASE("mirror faces in the only capture before the stage's first move are no vibration") {
+  const Explanation e = explained({0.64, -0.64, 0}, 4, 0, 20, true);
+  INFO(to_text(e));
+  CHECK(e.verdict == "explained");
+  CHECK_FALSE(e.unknown);
 }
 
 TEST_CASE("a stage that hardly swings any more does not get a name beside mirror faces") {
