@@ -134,11 +134,8 @@ class Explain : public Command {
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
     std::fputs("Planning the experiment that would tell them apart ...\n", stderr);
-    const auto best = explanation.several_places
-                          ? fit::explain::best_experiment_by_hand(recordings, explanation)
-                          : fit::explain::best_experiment(
-                                recordings, explanation,
-                                {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
+    const auto best = fit::explain::best_experiment(
+        recordings, explanation, {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
     if (!best) {
       std::fprintf(stderr, "No experiment that this bench can do separates them.\n");
       return {};

@@ -34,7 +34,8 @@ void move_end(Bench& bench, int id, const SeenEdge& edge) {
 }  // namespace
 
 void describe_edges(const Reduced& reduced, const MeanResult& means, bool mixed, Bench& bench) {
-  const std::map<int, SeenEdge> edges = seen_edges(reduced, means.best.nuisance, means.best.active());
+  const std::map<int, SeenEdge> edges =
+      seen_edges(reduced, means.best.nuisance, all_at_work(reduced.bench, means.best));
   double merged_mm = 0, parted_mm = 1e9;
   double low = 0, high = 0;                          // where beams meet both surfaces
   std::map<long, std::pair<double, double>> places;  // finest steps: share times weight, weight

@@ -258,14 +258,14 @@ Reduced with_more_scans(Reduced imagined, int times) {
   return imagined;
 }
 
-/// Before one bench that holds every placement by hand; the last one's scans count so many times.
+/// Before one bench that holds the targets of all; the last one's scans count so many times.
 Reduced reduced_together(const std::vector<const Recording*>& list, int times = 1) {
   const Together together(list);
   Reduced all = reduce(*together.recordings().front(), {}, together.standing(0));
   for (std::size_t i = 1; i < list.size(); ++i)
     append(all, with_more_scans(reduce(*together.recordings()[i], {}, together.standing(i)),
                                 i + 1 == list.size() ? times : 1));
-  return pooled(std::move(all));
+  return all;
 }
 
 /// Suspects of one kind: what recordings are worth between them.
@@ -357,19 +357,10 @@ std::vector<Experiment> telling(const std::vector<Experiment>& possible, const E
   return list;
 }
 
-/// The one that tells most.
-std::optional<Experiment> best_of(const std::vector<Experiment>& list) {
-  std::optional<Experiment> best;
-  for (const Experiment& e : list)
-    if (!best || better(e, *best)) best = e;
-  return best;
-}
-
 std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& recordings,
                                            const Explanation& explanation, const StageTravel& travel) {
   if (!explanation.has_rivals() || recordings.empty()) return {};
-  Reduced so_far = reduce(*recordings.front(), {});
-  for (std::size_t i = 1; i < recordings.size(); ++i) append(so_far, reduce(*recordings[i], {}));
+  const Reduced so_far = reduced_together(recordings);
   if (so_far.groups.empty()) return {};
   const auto with = [&so_far](const Recording& more, int times) {
     Reduced all = so_far;
@@ -393,11 +384,11 @@ std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& rec
   const auto with = [&recordings](const Recording& more, int times) {
     std::vector<const Recording*> list = recordings;
     list.push_back(&more);
-    return reduced_together(list, times);
+    return pooled(reduced_together(list, times));
   };
   return telling(experiments_by_hand(bench, recordings), explanation,
                  {bench, captures, Brightness::of(first), first.typical_sigma_mm(),
-                  rivalries_of(explanation, reduced_together(recordings)), with});
+                  rivalries_of(explanation, pooled(reduced_together(recordings))), with});
 }
 
 }  // namespace
@@ -410,12 +401,10 @@ std::vector<Experiment> telling_experiments(const std::vector<const Recording*>&
 
 std::optional<Experiment> best_experiment(const std::vector<const Recording*>& recordings,
                                           const Explanation& explanation, const StageTravel& travel) {
-  return best_of(telling_with_stage(recordings, explanation, travel));
-}
-
-std::optional<Experiment> best_experiment_by_hand(const std::vector<const Recording*>& recordings,
-                                                  const Explanation& explanation) {
-  return best_of(telling_by_hand(recordings, explanation));
+  std::optional<Experiment> best;
+  for (const Experiment& e : telling_experiments(recordings, explanation, travel))
+    if (!best || better(e, *best)) best = e;
+  return best;
 }
 
 }  // namespace fit::explain

@@ -19,14 +19,10 @@ namespace fit::explain {
                                                         const Explanation& explanation,
                                                         const StageTravel& travel);
 
-/// The same for targets that are put up by hand (`placed_anew`): distances and greys, every one a placement
-/// with the bench file's uncertainty, and no stage.
-[[nodiscard]] std::optional<Experiment> best_experiment_by_hand(
-    const std::vector<const Recording*>& recordings, const Explanation& explanation);
-
 /// All experiments that tell any of the suspects apart beside what is recorded, each with what it tells: for
-/// whoever weighs that against more than best_experiment() knows of. By hand where targets were put up in
-/// several places.
+/// whoever weighs that against more than best_experiment() knows of. Where targets were put up in several
+/// places, by hand (`placed_anew`): distances and greys, every one a placement with the bench file's
+/// uncertainty, and no stage.
 [[nodiscard]] std::vector<Experiment> telling_experiments(const std::vector<const Recording*>& recordings,
                                                           const Explanation& explanation,
                                                           const StageTravel& travel);

@@ -27,24 +27,6 @@ double crossing_deg(std::vector<Beside> beams) {
   return at;
 }
 
-/// The most likely place of an edge, and how likely it is there.
-struct Place {
-  double shift_deg = 0, log_likelihood = -1e300;
-};
-Place best_place(const std::vector<Beside>& beams, double width_deg) {
-  Place best;
-  const auto look = [&](double middle, double reach, double step) {
-    for (double shift = middle - reach; shift <= middle + reach; shift += step) {
-      const double likelihood = likelihood_of_edge(beams, shift, width_deg);
-      if (likelihood > best.log_likelihood) best = {shift, likelihood};
-    }
-  };
-  const double step = std::clamp(width_deg / 3, 0.01, 0.05);  // peaks are about as wide as the beam
-  look(crossing_deg(beams), edge_reach_deg, 3 * step);
-  look(best.shift_deg, 2 * step, step);
-  return best;
-}
-
 /// Log-likelihood of beams that wide, the edge's place integrated over: by chance alone a narrow beam seldom
 /// meets an edge that it sees mixed.
 double integrated_over_place(const std::vector<Beside>& beams, double width_deg) {
@@ -111,7 +93,7 @@ Transition::Shared Transition::shared() const {
 double Transition::crossing_deg() const { return model::crossing_deg(beams_); }
 
 double Transition::place_deg(double variance_deg2) const {
-  return best_place(beams_, std::sqrt(variance_deg2)).shift_deg;
+  return place_of_edge(beams_, std::sqrt(variance_deg2), crossing_deg()).shift_deg;
 }
 
 namespace {

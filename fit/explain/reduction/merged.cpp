@@ -102,6 +102,7 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   out.reference_temperature_c = reduced.reference_temperature_c;
   out.has_intensity = reduced.has_intensity;
   out.empirical = reduced.empirical;
+  out.output_steps = reduced.output_steps;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];
     const std::size_t first = out.cells.size();

@@ -25,28 +25,17 @@ std::vector<Beside> places_of(const std::vector<Beside>& beams) {
   return list;
 }
 
-/// Where the farther surface takes over: the middle of the places that are as likely as the best.
 void place(SeenEdge& edge) {
+  constexpr double hardly = 0.5;
   const auto [low, high] = std::ranges::minmax_element(edge.beams, {}, &Beside::far_share);
   if (edge.beams.size() < 4 || low->far_share > 0.1 || high->far_share < 0.9) return;
   const std::vector<Beside> beams = places_of(edge.beams);
   double best = -1e300;
-  for (const double width : {0.01, 0.03, 0.06, 0.12, 0.25}) {
-    double first = 0, last = 0, top = -1e300;
-    const auto try_shifts = [&](double from, double to, double step) {
-      top = -1e300;
-      for (double shift = from; shift <= to; shift += step) {
-        const double l = likelihood_of_edge(beams, shift, width);
-        if (l > top + 0.5) first = shift;
-        if (l > top - 0.5) last = shift;
-        top = std::max(top, l);
-      }
-    };
-    try_shifts(-edge_reach_deg, edge_reach_deg, 0.04);
-    try_shifts(first - 0.05, last + 0.05, 0.005);
-    if (top <= best + 0.5) continue;
-    best = top;
-    edge.shift_deg = (first + last) / 2;
+  for (const double width_deg : {0.01, 0.03, 0.06, 0.12, 0.25}) {
+    const PlaceOfEdge there = place_of_edge(beams, width_deg, 0);
+    if (there.log_likelihood <= best + hardly) continue;
+    best = there.log_likelihood;
+    edge.shift_deg = there.shift_deg;
   }
   edge.settled = std::abs(edge.shift_deg) < edge_reach_deg - 0.05;
 }
@@ -71,6 +60,30 @@ double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, do
   return sum;
 }
 
+PlaceOfEdge place_of_edge(const std::vector<Beside>& beams, double width_deg, double about_deg) {
+  constexpr double as_likely = 0.5;
+  const double step = std::clamp(width_deg / 3, 0.005, 0.05);  // peaks are about as wide as the beam
+  PlaceOfEdge best;
+  double first = about_deg - edge_reach_deg, last = about_deg + edge_reach_deg;
+  const auto look = [&](double by) {
+    std::vector<PlaceOfEdge> places;
+    for (double shift = first; shift <= last; shift += by)
+      places.push_back({shift, likelihood_of_edge(beams, shift, width_deg)});
+    best.log_likelihood = std::ranges::max(places, {}, &PlaceOfEdge::log_likelihood).log_likelihood;
+    std::erase_if(places,
+                  [&](const PlaceOfEdge& p) { return p.log_likelihood < best.log_likelihood - as_likely; });
+    first = places.front().shift_deg;
+    last = places.back().shift_deg;
+  };
+  const double coarse = 3 * step;
+  look(coarse);
+  first -= coarse;
+  last += coarse;
+  look(step);
+  best.shift_deg = (first + last) / 2;
+  return best;
+}
+
 std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitted,
                                    const std::vector<Active>& at_work) {
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
@@ -87,7 +100,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
       if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;
       const auto edge = std::ranges::find(in_sight, cell.edge, &Edge::id);
       if (edge == in_sight.end() || edge->far_mm <= 0) continue;
-      const Effect effect = effect_of(at_work, cell.at);
+      const Effect effect = reduction::effect_there(reduced, at_work, cell.at);
       const Sight sight = scene.look(group.stage_rad, cell.beam_rad, effect);
       const double inside = wrap_angle(sight.bearing_rad - edge->bearing_rad) * edge->near_side;
       SeenEdge& seen = edges[cell.edge];

@@ -28,6 +28,14 @@ struct Beside {
 /// Log-likelihood of shares of the farther surface, which takes over there within that standard width.
 [[nodiscard]] double likelihood_of_edge(const std::vector<Beside>& beams, double shift_deg, double width_deg);
 
+/// Where the farther surface takes over for beams that wide, and how likely their shares are there.
+struct PlaceOfEdge {
+  double shift_deg = 0, log_likelihood = -1e300;
+};
+/// Within the reach of `about_deg`. Between two beams a hard edge may lie anywhere: it is told in the middle
+/// of the places that are as likely as the best.
+[[nodiscard]] PlaceOfEdge place_of_edge(const std::vector<Beside>& beams, double width_deg, double about_deg);
+
 /// One edge of the scene, seen in some captures.
 struct SeenEdge {
   std::vector<Beside> beams;

@@ -13,6 +13,7 @@
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"
+#include "fit/explain/reduction/seen_edges.hpp"
 #include "plain_scenes.hpp"
 #include "tests/support/rounds.hpp"
 
@@ -539,6 +540,19 @@ TEST_CASE("a mean whose beam meets two surfaces is doubtful by what is known of 
   CHECK(mixed_mm == std::vector<double>{300, 300, 0, 0, quarter_mm, 0});
   fit::explain::reduction::doubt_wide_beams(reduced, 0);
   for (const auto& c : reduced.cells) CHECK(c.mixed_mm == 0);
+}
+
+TEST_CASE("a hard edge between two beams lies in their middle, whatever the step of the search") {
+  std::vector<fit::explain::Beside> beams;
+  for (int k = -6; k <= 6; ++k)
+    beams.push_back({.inside_deg = 0.25 * k + 0.1, .far_share = k < 0 ? 1.0 : 0.0, .n = 20});
+  const fit::explain::PlaceOfEdge narrow = fit::explain::place_of_edge(beams, 0.005, 0);
+  CHECK(std::abs(narrow.shift_deg - (0.1 - 0.125)) < 0.01);
+  // One beam sees both surfaces alike: the edge is at it.
+  beams[6].far_share = 0.5;
+  const fit::explain::PlaceOfEdge wide = fit::explain::place_of_edge(beams, 0.05, 0.3);
+  CHECK(std::abs(wide.shift_deg - 0.1) < 0.02);
+  CHECK(wide.log_likelihood < 0);
 }
 
 }  // namespace explain_edges_test
