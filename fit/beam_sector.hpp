@@ -11,21 +11,11 @@ namespace fit {
 
 /// Looked for at so many places around the lidar.
 [[nodiscard]] inline Parameter centre_of_sector(int starts = 37) {
-  return {.name = "centre_deg",
-          .role = Parameter::Role::shape,
-          .lower = -135,
-          .upper = 135,
-          .starts = starts,
-          .logarithmic = false};
+  return even_shape("centre_deg", -135, 135, starts);
 }
 
 [[nodiscard]] inline Parameter width_of_sector() {
-  return {.name = "width_deg",
-          .role = Parameter::Role::shape,
-          .scale = Parameter::Scale::width,
-          .lower = 3,
-          .upper = 50,
-          .starts = 4};
+  return log_shape("width_deg", 3, 50, 4).on(Parameter::Scale::width);
 }
 
 /// How far a direction lies from the middle, deg.
@@ -40,13 +30,7 @@ namespace fit {
 
 /// How a sector ends: softly, as a bell does (2), or the more sharply the larger it is.
 [[nodiscard]] inline Parameter ends_of_sector(const char* name) {
-  return {.name = name,
-          .role = Parameter::Role::shape,
-          .expected = 2,
-          .lower = 1.5,
-          .upper = 64,
-          .generalises = true,
-          .starts = 2};
+  return log_shape(name, 1.5, 64, 2).generalising(2);
 }
 
 /// How much of what is there in the middle there is so many widths away: 0 where it is less than 1e-17.

@@ -78,6 +78,51 @@ Estimate Finding::at(const std::string& name) const {
   return found == parameters.end() ? Estimate{} : found->second;
 }
 
+Parameter Parameter::expecting(double that) const {
+  Parameter p = *this;
+  p.expected = that;
+  return p;
+}
+
+Parameter Parameter::generalising(double that) const {
+  Parameter p = expecting(that);
+  p.generalises = true;
+  return p;
+}
+
+Parameter Parameter::on(Scale that) const {
+  Parameter p = *this;
+  p.scale = that;
+  return p;
+}
+
+Parameter log_shape(std::string name, double lower, double upper, int starts) {
+  return {.name = std::move(name),
+          .role = Parameter::Role::shape,
+          .lower = lower,
+          .upper = upper,
+          .starts = starts};
+}
+
+Parameter even_shape(std::string name, double lower, double upper, int starts) {
+  Parameter p = log_shape(std::move(name), lower, upper, starts);
+  p.logarithmic = false;
+  return p;
+}
+
+namespace {
+
+constexpr double ever_s = 1e12;  // as good as always
+
+Parameter time_of(const char* name, double expected_s) {
+  return {.name = name, .role = Parameter::Role::shape, .expected = expected_s, .logarithmic = false};
+}
+
+}  // namespace
+
+Parameter begins_at() { return time_of("from_s", -ever_s).on(Parameter::Scale::from); }
+Parameter ends_at() { return time_of("to_s", ever_s); }
+
 double Parameter::left_out() const {
   return role == Role::shape && expected == 0 ? std::clamp(0.0, lower, upper) : expected;
 }

@@ -200,7 +200,22 @@ struct Parameter {
 
   /// What it is where nobody says so.
   [[nodiscard]] double left_out() const;
+  /// Shape: the same, where a bench file that leaves it out means that.
+  [[nodiscard]] Parameter expecting(double that) const;
+  /// Shape: the same, as what makes the formula more general; the plain one has it at that (0: at its lower
+  /// bound).
+  [[nodiscard]] Parameter generalising(double that = 0) const;
+  /// Shape: the same, measuring that.
+  [[nodiscard]] Parameter on(Scale that) const;
 };
+
+/// A shape between two bounds, which a search asks for at so many places: spread by its logarithm, or evenly.
+[[nodiscard]] Parameter log_shape(std::string name, double lower, double upper, int starts);
+[[nodiscard]] Parameter even_shape(std::string name, double lower, double upper, int starts);
+
+/// For what may act during a part of the recording: `from_s` and `to_s`, since power-on.
+[[nodiscard]] Parameter begins_at();
+[[nodiscard]] Parameter ends_at();
 
 /// A mechanism with its parameters found, as sentences need it.
 struct Finding {

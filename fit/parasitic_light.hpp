@@ -10,14 +10,7 @@
 /// strong the echo is, and the receiver says how.
 namespace fit {
 
-[[nodiscard]] inline Parameter by_echo() {
-  return {.name = "by_echo",
-          .role = Parameter::Role::shape,
-          .lower = -1,
-          .upper = 1,
-          .starts = 2,
-          .logarithmic = false};
-}
+[[nodiscard]] inline Parameter by_echo() { return even_shape("by_echo", -1, 1, 2); }
 
 /// 1 at 1000 counts, and where the lidar gives no intensity.
 [[nodiscard]] inline double beside_echo(const Circumstances& c, double by_echo) {

@@ -11,15 +11,9 @@ Mechanism make_angle_jitter() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::range_rate;
   m.geometric = true;
-  m.parameters = {
-      {.name = "sigma_deg", .typical = 0.1, .largest = 1, .sign = 1},
-      {.name = "own_share",  // of the variance that every beam draws for itself, not its whole scan
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 1,
-       .generalises = true,
-       .starts = 2,
-       .logarithmic = false}};
+  m.parameters = {{.name = "sigma_deg", .typical = 0.1, .largest = 1, .sign = 1},
+                  // of the variance that every beam draws for itself, not its whole scan
+                  even_shape("own_share", 0, 1, 2).generalising()};
   m.act = [](const Circumstances&, std::span<const double> p) {
     const double variance = p[0] * p[0] * rad_per_deg * rad_per_deg;
     return Effect{.scan_angle_variance_rad2 = variance * (1 - p[1]),

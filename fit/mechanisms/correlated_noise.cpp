@@ -10,12 +10,7 @@ Mechanism make_correlated_noise() {
   m.cause = "the noise remembers the scans before";
   m.observable = Observable::time_correlation;
   m.coordinate = Coordinate::time;
-  m.parameters = {{.name = "rho",
-                   .role = Parameter::Role::shape,
-                   .lower = 0.05,
-                   .upper = 0.98,
-                   .starts = 8,
-                   .logarithmic = false},
+  m.parameters = {even_shape("rho", 0.05, 0.98, 8),
                   {.name = "share", .typical = 0.2, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     return Effect{.memory_rho = p[0], .memory_share = p[1]};

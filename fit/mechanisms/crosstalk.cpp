@@ -28,22 +28,11 @@ Mechanism make_crosstalk() {
   // How far stray light reaches differs from receiver to receiver.
   m.parameters = {
       {.name = "leak", .typical = 0.02, .sign = 1},
-      {.name = "reach_deg",  // where it falls to a half
-       .role = Parameter::Role::shape,
-       .expected = 0.7,
-       .lower = 0.5,
-       .upper = 1.4,
-       .generalises = true,
-       .starts = 5},
+      // where it falls to a half
+      log_shape("reach_deg", 0.5, 1.4, 5).generalising(0.7),
       // What receivers time, from light as a whole (-1), where what comes apart pulls as well, in proportion
       // to surfaces half a metre off, to the front of the echo (1), which nearer light brings forward most.
-      {.name = "timing",
-       .role = Parameter::Role::shape,
-       .lower = -1,
-       .upper = 1,
-       .generalises = true,
-       .starts = 5,
-       .logarithmic = false}};
+      even_shape("timing", -1, 1, 5).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double beyond =
         p[2] < 0 ? -4 * p[2] * pull_of(c.pull_apart_mm, p[1]) : p[2] * pull_of(c.pull_front_mm, p[1]);

@@ -12,12 +12,7 @@ Mechanism make_cyclic_error() {
   m.formula_error = 0.15;
   m.parameters = {{.name = "amplitude_mm", .typical = 6},
                   {.name = "phase_deg", .role = Parameter::Role::phase},
-                  {.name = "period_mm",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::wavelength,
-                   .lower = 90,
-                   .upper = 3200,
-                   .starts = 60}};
+                  log_shape("period_mm", 90, 3200, 60).on(Parameter::Scale::wavelength)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * std::sin(2 * pi * c.range_mm / p[2] + p[1] * rad_per_deg)};
   };

@@ -19,15 +19,9 @@ Mechanism make_dropout() {
   m.observable = Observable::dropout;
   m.coordinate = Coordinate::intensity;
   m.formula_error = 0.3;  // of the distance from the threshold: counts are a power of the echo, 0.4 to 1
-  m.parameters = {
-      {.name = "intensity_min",
-       .role = Parameter::Role::shape,
-       .scale = Parameter::Scale::threshold,
-       .lower = weakest_counts,
-       .upper = 1500,
-       .starts = 20},
-      {.name = "width", .role = Parameter::Role::shape, .lower = 0.05, .upper = 300, .starts = 12},
-      {.name = "scatter_mm", .typical = 2, .sign = 1}};
+  m.parameters = {log_shape("intensity_min", weakest_counts, 1500, 20).on(Parameter::Scale::threshold),
+                  log_shape("width", 0.05, 300, 12),
+                  {.name = "scatter_mm", .typical = 2, .sign = 1}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double flattest = 1.9, widest = 0.5;  // widths, and of the threshold
     if (!std::isfinite(c.intensity)) return Effect{};

@@ -11,13 +11,7 @@ Mechanism make_facet_wobble() {
   m.coordinate = Coordinate::scan_seq;
   m.parameters = {{.name = "amplitude_mm", .typical = 3},
                   {.name = "phase_deg", .role = Parameter::Role::phase},
-                  {.name = "facets",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::count,
-                   .lower = 2,
-                   .upper = 8,
-                   .starts = 7,
-                   .logarithmic = false}};
+                  even_shape("facets", 2, 8, 7).on(Parameter::Scale::count)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double facets = std::round(p[2]);
     return Effect{.range_mm = p[0] * std::sin(2 * pi * c.seq / facets + p[1] * rad_per_deg)};

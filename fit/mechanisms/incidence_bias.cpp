@@ -19,34 +19,14 @@ Mechanism make_incidence_bias() {
   m.coordinate = Coordinate::incidence;
   m.formula_error = 0.1;
   m.parameters = {{.name = "amplitude_mm", .typical = 4},  // at 45 deg of incidence, 2 m ahead
-                  {.name = "divergence",                   // the share of D^2 there that grows with the range
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 3,
-                   .logarithmic = false},
-                  {.name = "width_at_side",  // D at a beam angle of 90 deg over D ahead
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0.1,
-                   .upper = 10,
-                   .generalises = true,
-                   .starts = 3},
-                  {.name = "stretch",  // (D / p)^2 at 45 deg
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false},
-                  {.name = "trigger",  // L = 1 / ln(P / T)
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false}};
+                  // the share of D^2 there that grows with the range
+                  even_shape("divergence", 0, 1, 3).generalising(),
+                  // D at a beam angle of 90 deg over D ahead
+                  log_shape("width_at_side", 0.1, 10, 3).generalising(1),
+                  // (D / p)^2 at 45 deg
+                  even_shape("stretch", 0, 1, 2).generalising(),
+                  // L = 1 / ln(P / T)
+                  even_shape("trigger", 0, 1, 2).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double reference_mm = 2000;
     const double slope = std::tan(std::min(std::abs(c.incidence_rad), 85 * rad_per_deg)),

@@ -16,14 +16,7 @@ Mechanism make_incidence_noise() {
   m.coordinate = Coordinate::incidence;
   m.formula_error = 0.2;
   m.parameters = {{.name = "sigma_mm", .typical = 3, .sign = 1},  // at 45 deg and 1 m
-                  {.name = "range_exponent",
-                   .role = Parameter::Role::shape,
-                   .expected = 2,
-                   .lower = 0,
-                   .upper = 2.5,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false}};
+                  even_shape("range_exponent", 0, 2.5, 2).generalising(2)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double steepest = 12;  // tan 85 deg: beyond, a surface ends within the beam
     const double slant = std::min(steepest, std::abs(std::tan(c.incidence_rad)));

@@ -14,12 +14,7 @@ Mechanism make_intensity_noise() {
   m.observable = Observable::range_variance;
   m.coordinate = Coordinate::intensity;
   m.parameters = {{.name = "sigma_mm_at_100_counts", .typical = 5, .sign = 1},
-                  {.name = "exponent",
-                   .role = Parameter::Role::shape,
-                   .lower = 1,
-                   .upper = 4,
-                   .starts = 5,
-                   .logarithmic = false}};
+                  even_shape("exponent", 1, 4, 5)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
     return Effect{.variance_mm2 = p[0] * p[0] * std::pow(100 / counts_of_echo(c.intensity), p[1])};

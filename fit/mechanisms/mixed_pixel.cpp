@@ -21,20 +21,10 @@ Mechanism make_mixed_pixel() {
   // How light is spread over the beam, and how far counts follow it, differ from device to device.
   m.parameters = {
       {.name = "width_deg", .typical = 0.2, .largest = 1.5, .also = 0.4, .sign = 1, .own_affair = 0.5},
-      {.name = "mixing",  // of the width: in which ranges change over
-       .role = Parameter::Role::shape,
-       .expected = 1,
-       .lower = 0.02,
-       .upper = 1,
-       .generalises = true,
-       .starts = 4},
-      {.name = "averaging",  // how far ranges of slanted walls and inner corners are means by light
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 1,
-       .generalises = true,
-       .starts = 2,
-       .logarithmic = false}};
+      // of the width: in which ranges change over
+      log_shape("mixing", 0.02, 1, 4).generalising(1),
+      // how far ranges of slanted walls and inner corners are means by light
+      even_shape("averaging", 0, 1, 2).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double mixed_rad = p[0] * p[1] * rad_per_deg;
     return Effect{.range_mm = p[2] * spread_at_mm(c, mixed_rad),

@@ -14,19 +14,8 @@ Mechanism make_multipath() {
   m.geometric = true;
   m.formula_error = 0.3;
   m.parameters = {{.name = "amplitude_mm", .typical = 25, .sign = 1},
-                  {.name = "reach_mm",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::decay,
-                   .lower = 40,
-                   .upper = 600,
-                   .starts = 6},
-                  {.name = "gloss",
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false}};
+                  log_shape("reach_mm", 40, 600, 6).on(Parameter::Scale::decay),
+                  even_shape("gloss", 0, 1, 2).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.corner_mm)) return Effect{};
     const double scattered = std::exp(-c.corner_mm / p[1]);

@@ -11,12 +11,7 @@ Mechanism make_near_field() {
   m.coordinate = Coordinate::range;
   m.formula_error = 0.25;
   m.parameters = {{.name = "amplitude_mm", .typical = 15, .largest = 100},
-                  {.name = "reach_mm",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::decay,
-                   .lower = 60,
-                   .upper = 500,
-                   .starts = 6},
+                  log_shape("reach_mm", 60, 500, 6).on(Parameter::Scale::decay),
                   by_echo()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * std::exp(-c.range_mm / p[1]) * beside_echo(c, p[2])};

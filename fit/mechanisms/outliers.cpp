@@ -15,22 +15,10 @@ Mechanism make_outliers() {
   m.observable = Observable::range_distribution;
   m.coordinate = Coordinate::target;
   m.formula_error = 0;  // has no curve
-  m.parameters = {
-      {.name = "fraction", .typical = 0.01, .sign = 1},
-      {.name = "lost_each",
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 0.1,
-       .generalises = true,
-       .starts = 2,
-       .logarithmic = false},
-      {.name = "with_range",  // the power of the range with which the fraction grows from that at 2 m
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 1,
-       .generalises = true,
-       .starts = 2,
-       .logarithmic = false}};
+  m.parameters = {{.name = "fraction", .typical = 0.01, .sign = 1},
+                  even_shape("lost_each", 0, 0.1, 2).generalising(),
+                  // the power of the range with which the fraction grows from that at 2 m
+                  even_shape("with_range", 0, 1, 2).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double share = std::min(1.0, p[0] * std::pow(c.range_mm / 2000, p[2]));
     return Effect{.lost = share * p[1], .stray = share};

@@ -17,23 +17,11 @@ Mechanism make_range_walk() {
   m.coordinate = Coordinate::intensity;
   m.formula_error = 0.2;
   m.any_curve = true;
-  m.parameters = {
-      {.name = "amplitude_mm", .typical = 25},
-      {.name = "intensity_scale", .role = Parameter::Role::shape, .lower = 30, .upper = 2500, .starts = 8},
-      {.name = "exponent",
-       .role = Parameter::Role::shape,
-       .expected = 1,
-       .lower = 0.35,
-       .upper = 1,
-       .generalises = true,
-       .starts = 4},
-      {.name = "power",  // of 100 counts over the echo's
-       .role = Parameter::Role::shape,
-       .lower = 0,
-       .upper = 3,
-       .generalises = true,
-       .starts = 3,
-       .logarithmic = false}};
+  m.parameters = {{.name = "amplitude_mm", .typical = 25},
+                  log_shape("intensity_scale", 30, 2500, 8),
+                  log_shape("exponent", 0.35, 1, 4).generalising(1),
+                  // of 100 counts over the echo's
+                  even_shape("power", 0, 3, 3).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (!std::isfinite(c.intensity)) return Effect{};
     const double counts = counts_of_echo(c.intensity);

@@ -15,15 +15,10 @@ Mechanism make_saturation() {
   m.cause = "bright echoes clip in the receiver and trigger early";
   m.coordinate = Coordinate::intensity;
   m.formula_error = 0.3;
-  m.parameters = {
-      {.name = "slope_mm_per_100_counts", .typical = 4},
-      {.name = "threshold_counts", .role = Parameter::Role::shape, .lower = 200, .upper = 3500, .starts = 16},
-      {.name = "room_counts",  // from there to the ceiling
-       .role = Parameter::Role::shape,
-       .expected = 100'000,
-       .lower = 20,
-       .upper = 100'000,
-       .starts = 14}};
+  m.parameters = {{.name = "slope_mm_per_100_counts", .typical = 4},
+                  log_shape("threshold_counts", 200, 3500, 16),
+                  // from there to the ceiling
+                  log_shape("room_counts", 20, 100'000, 14).expecting(100'000)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double width = 60;  // counts over which clipping sets in
     const double over = (c.intensity - p[1]) / width;

@@ -13,20 +13,8 @@ Mechanism make_scan_plane_tilt() {
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.1;
   m.parameters = {{.name = "tilt_squared_deg2", .typical = 4, .sign = 1},
-                  {.name = "axis_deg",
-                   .role = Parameter::Role::shape,
-                   .lower = -90,
-                   .upper = 90,
-                   .starts = 12,
-                   .logarithmic = false},
-                  {.name = "share_of_mount",
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false}};
+                  even_shape("axis_deg", -90, 90, 12),
+                  even_shape("share_of_mount", 0, 1, 2).generalising(1)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double x = c.beam_rad - p[1] * rad_per_deg, tilt2 = p[0] * rad_per_deg * rad_per_deg;
     return Effect{.range_mm = c.range_mm / 2 * tilt2 * std::cos(x) * std::cos(x),

@@ -15,26 +15,9 @@ Mechanism make_settling() {
   m.geometric = true;
   m.parameters = {{.name = "amplitude_deg", .typical = 0.06},
                   {.name = "phase_deg", .role = Parameter::Role::phase},
-                  {.name = "tau_s",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::decay,
-                   .lower = 0.03,
-                   .upper = 2,
-                   .starts = 6},
-                  {.name = "frequency_hz",
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 19,
-                   .starts = 39,
-                   .logarithmic = false},
-                  {.name = "share_of_direction",
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false}};
+                  log_shape("tau_s", 0.03, 2, 6).on(Parameter::Scale::decay),
+                  even_shape("frequency_hz", 0, 19, 39),
+                  even_shape("share_of_direction", 0, 1, 2).generalising(1)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     constexpr double nothing_left = 14;  // a millionth
     if (c.approach == 0 || c.since_move_s > nothing_left * p[2]) return Effect{};

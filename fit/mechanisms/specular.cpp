@@ -11,9 +11,7 @@ Mechanism make_specular() {
   m.observable = Observable::intensity;
   m.coordinate = Coordinate::incidence;
   m.of_surfaces = true;
-  m.parameters = {
-      {.name = "gain", .typical = 3, .sign = 1},
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 0.5, .upper = 15, .starts = 6}};
+  m.parameters = {{.name = "gain", .typical = 3, .sign = 1}, log_shape("width_deg", 0.5, 15, 6)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = c.incidence_rad * deg_per_rad / p[1];
     return Effect{.log_echo = std::log1p(std::max(-0.9, p[0]) * std::exp(-away * away))};

@@ -13,12 +13,7 @@ Mechanism make_stage_periodic() {
   m.formula_error = 0.15;
   m.parameters = {{.name = "amplitude_deg", .typical = 0.05},
                   {.name = "phase_deg", .role = Parameter::Role::phase},
-                  {.name = "period_deg",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::gear,
-                   .lower = 1.5,
-                   .upper = 360,
-                   .starts = 240}};
+                  log_shape("period_deg", 1.5, 360, 240).on(Parameter::Scale::gear)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.stage_rad = p[0] * rad_per_deg *
                                std::sin(2 * pi * c.stage_rad * deg_per_rad / p[2] + p[1] * rad_per_deg)};

@@ -14,13 +14,8 @@ Mechanism make_subsurface() {
   m.coordinate = Coordinate::target;
   m.one_target = true;
   m.parameters = {{.name = "depth_mm", .typical = 8, .sign = 1},
-                  {.name = "at_grazing",  // the delay there over that square on
-                   .role = Parameter::Role::shape,
-                   .expected = 1,
-                   .lower = 0.7,
-                   .upper = 1.4,
-                   .generalises = true,
-                   .starts = 3}};
+                  // the delay there over that square on
+                  log_shape("at_grazing", 0.7, 1.4, 3).generalising(1)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * std::pow(p[1], 1 - c.cos_incidence * c.cos_incidence)};
   };

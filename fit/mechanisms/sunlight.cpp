@@ -7,8 +7,6 @@
 namespace fit::mechanisms {
 namespace {
 
-constexpr double ever_s = 1e12;  // since power-on: as good as always
-
 std::string times(const Finding& f) {
   if (!f.parameters.contains("from_s")) return "";
   return ", from " + rounded(f.at("from_s").value) + " to " + rounded(f.at("to_s").value) + " s";
@@ -51,20 +49,11 @@ Mechanism make_sunlight() {
   m.parameters = {{.name = "sigma_mm", .typical = 6, .sign = 1},
                   centre_all_around(),
                   width_of_sector(),
-                  {.name = "from_s",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::from,
-                   .expected = -ever_s,
-                   .logarithmic = false},
-                  {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false},
+                  begins_at(),
+                  ends_at(),
                   {.name = "lost", .typical = 0.01, .largest = 1, .sign = 1},
-                  {.name = "exponent",  // of one over the intensity, in the variance
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 4,
-                   .generalises = true,
-                   .starts = 2,
-                   .logarithmic = false},
+                  // of one over the intensity, in the variance
+                  even_shape("exponent", 0, 4, 2).generalising(),
                   ends_of_sector("edge_exponent"),
                   {.name = "in_room",
                    .role = Parameter::Role::shape,

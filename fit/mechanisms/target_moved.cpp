@@ -7,7 +7,6 @@ namespace fit::mechanisms {
 
 // A target was pushed, or its stand gave way, while the session was recorded; and perhaps it was put back.
 Mechanism make_target_moved() {
-  constexpr double ever_s = 1e9;
   Mechanism m;
   m.id = "target-moved";
   m.cause = "a target was moved while the session was recorded";
@@ -19,12 +18,8 @@ Mechanism make_target_moved() {
   m.parameters = {{.name = "offset_mm", .typical = 5, .largest = 300},
                   {.name = "turn_deg", .typical = 0.5, .largest = 20, .targets = Targets::flat},
                   {.name = "aside_mm", .typical = 5, .largest = 300, .targets = Targets::round},
-                  {.name = "from_s",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::from,
-                   .expected = -ever_s,
-                   .logarithmic = false},
-                  {.name = "to_s", .role = Parameter::Role::shape, .expected = ever_s, .logarithmic = false}};
+                  begins_at(),
+                  ends_at()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
     const double turned_mm = c.round ? 0 : c.along_sign * c.along_mm * p[1] * rad_per_deg;

@@ -16,19 +16,9 @@ Mechanism make_time_quantisation() {
   m.coordinate = Coordinate::range;
   m.formula_error = 0.1;
   m.parameters = {{.name = "share", .typical = 0.1, .expected = 1, .sign = 1},
-                  {.name = "bin_mm",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::bin,
-                   .lower = 0.25,
-                   .upper = 40,
-                   .starts = 80000},
-                  {.name = "zero",  // of the counter before that of the scale, in bins
-                   .role = Parameter::Role::shape,
-                   .lower = 0,
-                   .upper = 1,
-                   .generalises = true,
-                   .starts = 4,
-                   .logarithmic = false}};
+                  log_shape("bin_mm", 0.25, 40, 80000).on(Parameter::Scale::bin),
+                  // of the counter before that of the scale, in bins
+                  even_shape("zero", 0, 1, 4).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double counted = c.range_mm / p[1] + p[2],
                  bins = static_cast<double>(static_cast<std::int64_t>(counted + 0.5));

@@ -11,12 +11,7 @@ Mechanism make_warm_up() {
   m.coordinate = Coordinate::time;
   m.formula_error = 0.25;
   m.parameters = {{.name = "amplitude_mm", .typical = 10},
-                  {.name = "tau_s",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::decay,
-                   .lower = 150,
-                   .upper = 5000,
-                   .starts = 7}};
+                  log_shape("tau_s", 150, 5000, 7).on(Parameter::Scale::decay)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = p[0] * (1 - std::exp(-c.time_s / p[1]))};
   };

@@ -11,9 +11,7 @@ Mechanism make_window_dirt() {
   m.observable = Observable::intensity;
   m.coordinate = Coordinate::beam;
   m.parameters = {
-      {.name = "loss", .typical = 0.3, .sign = 1},
-      centre_of_sector(),
-      {.name = "width_deg", .role = Parameter::Role::shape, .lower = 2, .upper = 40, .starts = 4}};
+      {.name = "loss", .typical = 0.3, .sign = 1}, centre_of_sector(), log_shape("width_deg", 2, 40, 4)};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double dirt = p[0] * share_of_sector(widths_from_centre(c, p[1], p[2]));
     return Effect{.log_echo = std::log(std::max(0.02, 1 - dirt))};

@@ -12,14 +12,9 @@ Mechanism make_window_reflection() {
   m.coordinate = Coordinate::beam;
   m.formula_error = 0.25;
   m.parameters = {{.name = "amplitude_mm", .typical = 20, .largest = 100},
-                  {.name = "reach_mm",
-                   .role = Parameter::Role::shape,
-                   .scale = Parameter::Scale::decay,
-                   .lower = 100,
-                   .upper = 500,
-                   .starts = 3},
+                  log_shape("reach_mm", 100, 500, 3).on(Parameter::Scale::decay),
                   centre_of_sector(28),
-                  {.name = "width_deg", .role = Parameter::Role::shape, .lower = 4, .upper = 40, .starts = 3},
+                  log_shape("width_deg", 4, 40, 3),
                   by_echo()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double away = widths_from_centre(c, p[2], p[3]);
