@@ -161,7 +161,10 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
   // Samples with tails say less of their variance, and so do those that remember or share their noise.
   const double of_tails = freedom > 0 ? (kurtosis / freedom - 1) / 2 : 1,
                of_squares = own.variance > 0 ? 1 : model::inflation_of_squares(reduced),
-               scatter = std::max({1.0, of_tails, of_squares});
+               // where a mean lies between coarse steps decides its variance
+      of_variances =
+          own.variance > 0 || steps.step_mm > 1 ? 1 : model::inflation_of_variances(reduced, worth),
+               scatter = std::max({1.0, of_tails, of_squares, of_variances});
   for (auto& row : rows) row.n /= scatter;
   return rows;
 }

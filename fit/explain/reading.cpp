@@ -92,6 +92,23 @@ std::string note_on(const Misplaced& misplaced, const Reduced& reduced) {
                            : ". They were left out; correct them, or record them again.");
 }
 
+/// Captures for which the stage says another angle than it was sent to: one of the two is wrong.
+std::string note_on_readback(const std::vector<CaptureInfo>& captures) {
+  constexpr double far_rad = 0.2 * rad_per_deg;  // play and windup are physics, and smaller
+  std::vector<std::string> list;
+  for (const CaptureInfo& capture : captures)
+    if (capture.stage_readback_rad && !is_turning(capture) &&
+        std::abs(wrap_angle(*capture.stage_readback_rad - capture.stage_rad)) > far_rad)
+      list.push_back("capture " + std::to_string(capture.id) + " was sent to " +
+                     rounded(capture.stage_rad * deg_per_rad, 5) + " deg and says " +
+                     rounded(*capture.stage_readback_rad * deg_per_rad, 5));
+  if (list.empty()) return {};
+  return "The stage says elsewhere in " + std::to_string(list.size()) +
+         (list.size() == 1 ? " capture: " : " captures: ") + list.front() +
+         (list.size() == 1 ? "." : ", and so on.") +
+         " Angles as sent were used. Look at the stage's readback, or at what it is homed to.";
+}
+
 std::string beams_at(const reduction::Sectors& list) {
   std::vector<std::string> sectors;
   for (const auto& [from, to] : list)
@@ -217,9 +234,9 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   reduction::leave_out_unmet_targets(reduced_);
   reduction::steady_echoes(reduced_);
   const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
-  for (const std::string& note :
-       {note_on_places, note_on_things, note_on_dead_beams(dead), note_on_odd_beams(odd), note_on_openings,
-        note_on_absent, note_on_scans(reduced_), note_on_clusters(single_)})
+  for (const std::string& note : {note_on_places, note_on_readback(reduced_.captures), note_on_things,
+                                  note_on_dead_beams(dead), note_on_odd_beams(odd), note_on_openings,
+                                  note_on_absent, note_on_scans(reduced_), note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

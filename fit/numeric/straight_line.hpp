@@ -6,15 +6,16 @@ namespace fit {
 /// The straight line of y over x by least squares, point by point.
 class StraightLine {
  public:
-  void add(double x, double y) {
-    n_ += 1;
-    const double dx = x - x_, dy = y - y_, before = (n_ - 1) / n_;
+  void add(double x, double y, double weight = 1) {
+    n_ += weight;
+    const double dx = x - x_, dy = y - y_, before = (n_ - weight) / n_ * weight;
     xx_ += before * dx * dx;
     xy_ += before * dx * dy;
     yy_ += before * dy * dy;
-    x_ += dx / n_;
-    y_ += dy / n_;
+    x_ += dx * weight / n_;
+    y_ += dy * weight / n_;
   }
+  /// How many were added, or the sum of their weights.
   [[nodiscard]] double points() const { return n_; }
   /// Sum of squares of x about its mean.
   [[nodiscard]] double spread() const { return xx_; }

@@ -140,7 +140,8 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, Withou
                  counts = numbers::fits_as_well / hardly_worse(*term.kind->mechanism, gain),
                  log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
     if (log_odds < -numbers::window) continue;
-    rivals.push_back({candidate.term.kind, std::exp(log_odds) * probability, fitted.hypothesis.terms.back()});
+    rivals.push_back({candidate.term.kind, std::exp(std::min(log_odds, numbers::window)) * probability,
+                      fitted.hypothesis.terms.back()});
   }
   return rivals;
 }

@@ -59,7 +59,7 @@ class Climber {
   void climb() {
     constexpr int most_moves = 12;
     for (int move = 0; move < most_moves; ++move)
-      if (!add() && !drop() && !exchange()) return;
+      if (!add() && !drop() && !exchange() && !take_better_visited()) return;
   }
 
   /// One term is added, if any improves.
@@ -231,6 +231,14 @@ class Climber {
       better = take_if_better(fit_each(visited_.at(first.kinds()), more)) || better;
     }
     return better;
+  }
+
+  /// What was fitted to be screened may turn out better than what it was screened for.
+  bool take_better_visited() {
+    const auto posterior = [](const auto& visited) { return visited.second.log_posterior(); };
+    const Hypothesis& most = std::ranges::max_element(visited_, {}, posterior)->second;
+    if (!(most.log_posterior() > best_.hypothesis.log_posterior())) return false;
+    return take_if_better(fitted(Hypothesis(most)));
   }
 
   [[nodiscard]] std::size_t forms(std::size_t count) const { return asks_forms_ ? count : 0; }

@@ -27,6 +27,11 @@ struct SectorScatter {
 /// How many samples say as much of their variance as one independent, normal one; 1 unless that is certain.
 [[nodiscard]] double inflation_of_squares(const Reduced& reduced);
 
+/// By how much more sample variances of neighbouring beams scatter than those of normal samples do, whose
+/// degrees of freedom are worth so much; 1 unless that is certain. A handful of samples does not show its own
+/// tails, which are far larger than any of its fourth moments (Joanes and Gill 1998).
+[[nodiscard]] double inflation_of_variances(const Reduced& reduced, double worth);
+
 /// Noise that every beam has by its own, the same in all captures: a random effect of beams.
 struct NoiseOfBeams {
   double variance = 0;  ///< Of a beam's share in the variance of its neighbours; 0 unless that is certain.

@@ -111,7 +111,8 @@ Eigen::VectorXd without_lines(const std::vector<RoughSurfaces::Place>& places,
   };
   Eigen::VectorXd left = residual;
   for (std::size_t i = 0; i < places.size(); ++i)
-    line_of(places[i]).add(places[i].along_mm, residual[static_cast<Index>(i)] / places[i].weight);
+    line_of(places[i]).add(places[i].along_mm, residual[static_cast<Index>(i)] / places[i].weight,
+                           places[i].weight * places[i].weight);
   for (std::size_t i = 0; i < places.size(); ++i) {
     const StraightLine& line = line_of(places[i]);
     const double at = line.spread() > 0 ? line.at(places[i].along_mm) : line.mean();

@@ -55,6 +55,15 @@ std::optional<End> break_at(const Samples& samples, const std::vector<double>& s
   return end;
 }
 
+/// Whether scans, one after the other, end at the same beam: a driver that was stopped or changed does that,
+/// and nothing that stands before the lidar, which has no such edge.
+bool is_one_cut(const std::vector<End>& breaks) {
+  const End &first = breaks.front(), &last = breaks.back();
+  return std::cmp_equal(last.scan - first.scan + 1, breaks.size()) &&
+         std::ranges::all_of(
+             breaks, [&](const End& end) { return end.first == first.first && end.beams == first.beams; });
+}
+
 }  // namespace
 
 int do_not_look_beyond_breaks(Samples& samples) {
@@ -74,7 +83,7 @@ int do_not_look_beyond_breaks(Samples& samples) {
   for (int scan = 0; scan < samples.scans; ++scan)
     for (const auto& [first, step] : {std::pair(0, 1), std::pair(samples.beams - 1, -1)})
       if (const auto end = break_at(samples, surprise, scan, first, step)) breaks.push_back(*end);
-  if (static_cast<double>(breaks.size()) > rarely * samples.scans) return 0;
+  if (static_cast<double>(breaks.size()) > rarely * samples.scans && !is_one_cut(breaks)) return 0;
   for (const End& end : breaks)
     for (int k = 0; k < end.beams; ++k)
       samples.range[samples.index(end.scan, end.first + k * end.step)] = not_looked;

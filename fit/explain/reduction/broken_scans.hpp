@@ -24,7 +24,8 @@ class RepeatedScans {
 
 /// As if no beam had looked where a scan breaks off or sets in late: where nothing at all came back, though
 /// the other scans have echoes there. Losses of echoes are not so many at once; what happens to more than a
-/// fifth of the scans is something else. Returns how often.
+/// fifth of the scans is something else, unless they end at the same beam, one after the other. Returns how
+/// often.
 int do_not_look_beyond_breaks(Samples& samples);
 
 }  // namespace fit::explain::reduction

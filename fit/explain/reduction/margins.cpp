@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/numbers.hpp"
 #include "fit/explain/reduction/effect_there.hpp"
 #include "fit/wide_beam.hpp"
 
@@ -41,6 +42,16 @@ void doubt_wide_beams(Reduced& reduced, double width_rad) {
     cell.mixed_mm = at_edge     ? cell.at.gap_mm
                     : at_corner ? spread_error * std::abs(spread_at_mm(cell.at, width_rad))
                                 : 0;
+  }
+}
+
+void doubt_teeth(Reduced& reduced, double bin_mm, double zero, double stop_rad2) {
+  constexpr double reach = 3;  // standard deviations
+  for (Cell& cell : reduced.cells) {
+    const double counted = cell.at.range_mm / bin_mm + zero, place = counted - std::floor(counted),
+                 aside_mm = reach * std::abs(cell.sight.stage_lever()) * std::sqrt(stop_rad2);
+    if (std::abs(place - 0.5) < numbers::doubt_of_tooth + aside_mm / bin_mm)
+      cell.mixed_mm = std::max(cell.mixed_mm, bin_mm / 2);
   }
 }
 

@@ -64,6 +64,23 @@ struct Seen {
   int all = 0, nearer = 0;
 };
 
+/// Whether the target goes on beside what stands before it, on every side where that is seen: one that is
+/// elsewhere itself, or turned, has no such steps.
+bool stands_out(std::span<const Cell> cells, int first, int end) {
+  constexpr int beside = 3;
+  const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
+  const auto off_mm = [](const Cell& cell) { return cell.mean_mm - cell.nominal_mm; };
+  int steps = 0;
+  for (const auto& [inner, outer] :
+       {std::pair(first + beside, first - beside), std::pair(end - 1 - beside, end - 1 + beside)}) {
+    if (outer < 0 || outer >= static_cast<int>(cells.size()) || inner < first || inner >= end) continue;
+    if (at(outer).at.target != at(inner).at.target || at(outer).n == 0) continue;
+    if (2 * std::abs(off_mm(at(outer))) > std::abs(off_mm(at(inner)))) return false;
+    ++steps;
+  }
+  return steps > 0;
+}
+
 }  // namespace
 
 std::vector<Passer> passers_in(const Samples& samples, const Scene& scene, double stage_rad,
@@ -108,12 +125,13 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
     const auto cells =
         std::span<const Cell>(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
     const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
-    const auto is_before = [&](int i) {
-      const Seen& seen = of_target.at(at(i).at.target);
-      return off_mm(at(i)) < 0 && few * seen.nearer < seen.all;
-    };
-    const auto things =
+    const auto is_before = [&](int i) { return off_mm(at(i)) < 0; };
+    auto things =
         things_before(static_cast<int>(cells.size()), is_before, [&](int i) { return at(i).mean_mm; });
+    std::erase_if(things, [&](const std::pair<int, int>& thing) {
+      const Seen& seen = of_target.at(at((thing.first + thing.second) / 2).at.target);
+      return few * seen.nearer >= seen.all && !stands_out(cells, thing.first, thing.second);
+    });
     const auto farther = std::ranges::count_if(cells, [&](const Cell& cell) { return off_mm(cell) > 0; });
     long hidden = 0;
     for (const auto& [first, end] : things) hidden += end - first;

@@ -62,6 +62,17 @@ TEST_CASE("scans of a lidar without noise are as good as each other") {
   for (int scan = 0; scan < 10; ++scan) CHECK_FALSE(again.is_again(view_of(same)));
 }
 
+TEST_CASE("a capture whose later scans all end at one beam was cut there") {
+  Samples cut = samples_of(20, [](int scan, int beam) { return scan < 10 || beam < 120; });
+  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(cut) == 10);
+  CHECK(cut.at(10, 120) < 0);
+  CHECK(cut.at(9, 120) > 0);
+  CHECK(cut.at(10, 119) > 0);
+  // Someone who stands there has edges that noise moves by a beam.
+  Samples hidden = samples_of(20, [](int scan, int beam) { return scan < 10 || beam < 120 + scan % 2; });
+  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(hidden) == 0);
+}
+
 TEST_CASE("a scan that breaks off now and then is as not looked at, and what often loses an end is not") {
   const auto lost_at_end = [](int scan, int every) {
     return samples_of(30, [=](int s, int beam) { return beam < 120 || s % every != scan; });
