@@ -133,12 +133,12 @@ void Plan::move_to(double target_deg, const FilePosition& written_at, int approa
                                          " deg, beyond its soft limits " + to_text(limits.min_deg) + " to " +
                                          to_text(limits.max_deg) +
                                          " deg (stage.limits_deg in the bench file).");
-  double path = std::isnan(stage_deg) ? 2 : std::abs(target_deg - stage_deg);
-  const bool against = approach != 0 && (target_deg - stage_deg) * approach < 0;
+  double path = std::abs(target_deg - likely_deg);
+  const bool against = approach != 0 && (target_deg - likely_deg) * approach < 0;
   if (against) path += 2 * rules.margin_deg, seconds += move_overhead_s;
   travel_deg += path;
   seconds += path / limits.speed_deg_s + move_overhead_s + rules.settle_s;
-  stage_deg = target_deg;
+  stage_deg = likely_deg = target_deg;
 }
 
 void Plan::capture(long samples, double spacing_s) {

@@ -40,6 +40,8 @@ struct Plan {
   StageRules rules;
   bool homed = false;
   double stage_deg = 0;
+  double likely_deg =
+      0;                ///< The same, for travel and time: where that is NaN, the last angle that was known.
   Variables variables;  ///< With Unknown for what the run will give.
 
   // The step being planned fills in:

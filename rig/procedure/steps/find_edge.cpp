@@ -75,7 +75,16 @@ struct Settings {
   double from_deg = 0, to_deg = 0, step_deg = 0.01;
   int samples = 0;
   int approach = 1;
+
+  /// In whole steps of `step_deg`.
+  [[nodiscard]] long width() const { return std::lround((to_deg - from_deg) / step_deg); }
 };
+
+/// Of a search over so many steps: its two ends, and a bisection on either side of a first stop in the
+/// middle.
+int most_stops(long width) {
+  return 2 * static_cast<int>(std::ceil(std::log2(static_cast<double>(std::max(2L, width))))) + 1;
+}
 
 /// Stage angle at which `beam_rad` of the lidar points at `edge_mm`.
 double stage_angle_of(const Eigen::Vector2d& edge_mm, double beam_rad, const fit::Mount& mount) {
@@ -138,7 +147,7 @@ class Search {
       : settings_(settings), context_(context), position_(position) {}
 
   StepContext::awaitable<void> run() {
-    const long last = std::lround((settings_.to_deg - settings_.from_deg) / settings_.step_deg);
+    const long last = settings_.width();
     // Turning counter-clockwise, a beam comes onto the board at its right end and leaves it at its left end.
     const long board_stop = settings_.right ? last : 0, background_stop = settings_.right ? 0 : last;
     const auto on_board = co_await sample(board_stop);
@@ -202,7 +211,7 @@ class Search {
 
   /// Ranges of the followed beam at a stop; from the session if it was recorded before an interruption.
   StepContext::awaitable<std::vector<double>> sample(long stop) {
-    co_await context_.checkpoint(stops_, 24);
+    co_await context_.checkpoint(stops_, most_stops(settings_.width()));
     ++stops_;
     CaptureRequest request;
     request.name = context_.name();
@@ -306,15 +315,20 @@ class FindEdge final : public StepKind {
     const double width_deg = std::isnan(found_deg) ? 2 * usual_search_deg : found_deg;
     for (int i = 0; i < usual_stops; ++i) {
       plan.capture(settings.samples, 0);
+      plan.travel_deg += width_deg / 8;
       plan.seconds += 0.5 + width_deg / 8 / plan.limits.speed_deg_s;
     }
     plan.depends_on(arguments, {"near_deg", "beam_deg", "search_deg", "step_deg", "samples"});
     const double middle = (settings.from_deg + settings.to_deg) / 2;
     plan.stage_deg = middle;
+    if (!std::isnan(middle)) plan.likely_deg = middle;
     plan.says = "find the " + std::string(settings.right ? "right" : "left") + " edge of " + settings.target +
                 " with beam " + arguments.text_or("beam_deg", "?") + " deg, " +
-                (std::isnan(middle) ? "" : "near " + rounded_text(middle, 2) + " deg, ") + "about " +
-                std::to_string(usual_stops) + " stops of " + std::to_string(settings.samples) + " scans";
+                (std::isnan(middle) ? ""
+                                    : "near " + rounded_text(middle, 2) + " deg, at most " +
+                                          std::to_string(most_stops(settings.width())) + " stops, ") +
+                "about " + std::to_string(usual_stops) + " stops of " + std::to_string(settings.samples) +
+                " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Settings settings = settings_of(arguments, context.bench(), context.rules().approach);

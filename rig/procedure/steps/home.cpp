@@ -26,7 +26,7 @@ class Home final : public StepKind {
   void plan(const Arguments&, Plan& plan) const override {
     plan.seconds += 180 / plan.limits.speed_deg_s;
     plan.homed = true;
-    plan.stage_deg = 0;
+    plan.stage_deg = plan.likely_deg = 0;
     plan.says = "home the stage";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {

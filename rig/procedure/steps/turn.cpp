@@ -54,6 +54,7 @@ class Turn final : public StepKind {
     plan.seconds += 1;
     plan.travel_deg += std::isnan(rate) ? 0 : std::abs(rate * lasts_s);
     plan.stage_deg = NAN;
+    if (!std::isnan(end)) plan.likely_deg = end;
     const auto known = [](double value) { return std::isnan(value) ? "?" : to_text(value); };
     plan.says = "turn at " + known(rate) + " deg/s from " + known(from) + " deg, " + std::to_string(samples) +
                 " scans";

@@ -193,6 +193,14 @@ TEST_CASE("what only the run will know makes the estimate a lower bound, and no 
   CHECK_THAT(rig::dry_run_text(known, bench(), rig::unroll(known, bench())), Contains("about "));
 }
 
+TEST_CASE("the way from an edge that the run finds to the next one is counted") {
+  const std::string search = "  - find-edge: {target: board, samples: 10, beam_deg: ";
+  const auto plan =
+      planned("  - home\n" + search + "0}\n  - move: {to_deg: '${edge_smooth_deg}'}\n" + search + "90}\n");
+  CHECK(plan.back().travel_deg == Approx(plan[1].travel_deg + 90).margin(5));
+  CHECK_THAT(plan.back().says, Contains("at most 19 stops"));
+}
+
 TEST_CASE("a turn is planned with the spacing of its samples") {
   const auto plan = planned("  - home\n  - turn: {rate_deg_s: 1, from_deg: 0, samples: 100, spacing_s: 1}\n");
   CHECK(plan.back().seconds > 100);
