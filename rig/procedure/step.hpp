@@ -78,7 +78,8 @@ struct Question {
 
 /// What the rig itself should see before it believes that a prompt was done.
 struct Expectation {
-  double from_deg = 0, to_deg = 0;  ///< Beams; not used for a target.
+  bool of_beams = false;  ///< What these beams see, besides the target if there is one.
+  double from_deg = 0, to_deg = 0;
   std::optional<std::pair<double, double>> within_mm;
   std::optional<double> flat_within_mm;  ///< Largest deviation of the beams' medians from a straight line.
   bool of_target = false;                ///< The placed target, where it was asked for.

@@ -33,18 +33,21 @@ double largest_deviation_from_line(const std::vector<double>& x, const std::vect
   return largest;
 }
 
-}  // namespace
-
-CaptureRequest beams_of(const Expectation& expected, const fit::LidarGeometry& lidar) {
+CaptureRequest beams_between(const Expectation& expected, const fit::LidarGeometry& lidar) {
   CaptureRequest request;
-  if (expected.of_target) {
-    request.first_step = lidar.first_step;
-    request.last_step = lidar.steps - 1;
-    return request;
-  }
   const double step_deg = lidar.step_rad * fit::deg_per_rad;
   request.first_step = static_cast<int>(std::lround(lidar.front_step + expected.from_deg / step_deg));
   request.last_step = static_cast<int>(std::lround(lidar.front_step + expected.to_deg / step_deg));
+  return request;
+}
+
+}  // namespace
+
+CaptureRequest beams_of(const Expectation& expected, const fit::LidarGeometry& lidar) {
+  if (!expected.of_target) return beams_between(expected, lidar);
+  CaptureRequest request;
+  request.first_step = lidar.first_step;
+  request.last_step = lidar.steps - 1;
   return request;
 }
 
@@ -87,26 +90,33 @@ awaitable<Observation> BenchObserver::observe(Expectation expected) {
 }
 
 Observation BenchObserver::judge(const Expectation& expected, int first_step, const BeamMedians& seen) const {
-  if (expected.of_target) {
-    // Targets are looked for by the lidar's own step numbers, which do not all begin at 0.
-    BeamMedians from_zero;
-    for (auto [values, all] :
-         {std::pair(&seen.range_mm, &from_zero.range_mm), std::pair(&seen.intensity, &from_zero.intensity)}) {
-      all->assign(static_cast<std::size_t>(std::max(0, first_step)),
-                  std::numeric_limits<double>::quiet_NaN());
-      all->insert(all->end(), values->begin(), values->end());
-    }
-    return judge_target(expected, from_zero);
+  // Both are looked for by the lidar's own step numbers, which do not all begin at 0.
+  BeamMedians from_zero;
+  for (auto [values, all] :
+       {std::pair(&seen.range_mm, &from_zero.range_mm), std::pair(&seen.intensity, &from_zero.intensity)}) {
+    all->assign(static_cast<std::size_t>(std::max(0, first_step)), std::numeric_limits<double>::quiet_NaN());
+    all->insert(all->end(), values->begin(), values->end());
   }
+  Observation of_beams = expected.of_beams ? judge_beams(expected, from_zero.range_mm) : Observation();
+  if (!expected.of_target) return of_beams;
+  Observation of_target = judge_target(expected, from_zero);
+  const bool beams_decide = expected.of_beams && (!of_target.in_view || (of_target.good && !of_beams.good));
+  return beams_decide ? of_beams : of_target;
+}
+
+Observation BenchObserver::judge_beams(const Expectation& expected,
+                                       const std::vector<double>& range_mm) const {
+  const CaptureRequest beams = beams_between(expected, bench_.lidar);
   std::vector<double> medians, x, y;
-  for (std::size_t i = 0; i < seen.range_mm.size(); ++i) {
-    if (!std::isfinite(seen.range_mm[i])) continue;
-    medians.push_back(seen.range_mm[i]);
-    const double angle = bench_.lidar.beam_angle(first_step + static_cast<double>(i));
+  for (int step = beams.first_step; step <= beams.last_step; ++step) {
+    const double seen_mm = range_mm[static_cast<std::size_t>(step)];
+    if (!std::isfinite(seen_mm)) continue;
+    medians.push_back(seen_mm);
+    const double angle = bench_.lidar.beam_angle(step);
     x.push_back(medians.back() * std::cos(angle));
     y.push_back(medians.back() * std::sin(angle));
   }
-  if (medians.size() * 2 < seen.range_mm.size())
+  if (static_cast<int>(medians.size()) * 2 < beams.last_step - beams.first_step + 1)
     return Observation(false, "the rig sees nothing there (no echo from most beams, with the stage at " +
                                   rounded_text(stage_.deg(), 2) + " deg).");
   const double seen_mm = fit::median_of(std::vector(medians));

@@ -46,6 +46,8 @@ class BenchObserver {
   [[nodiscard]] std::vector<Expectation> to_check_here() const;
 
  private:
+  [[nodiscard]] Observation judge_beams(const Expectation& expected,
+                                        const std::vector<double>& range_mm) const;
   [[nodiscard]] Observation judge_target(const Expectation& expected, const BeamMedians& seen) const;
 
   const fit::Bench& bench_;

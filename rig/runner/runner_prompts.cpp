@@ -108,12 +108,13 @@ void Runner::Impl::store_waiting_prompt(const Prompt& prompt) {
 
 awaitable<std::string> Runner::Impl::check_after(const Prompt& prompt) {
   if (!prompt.until) co_return "";
-  const Expectation expected = *prompt.until;
+  Expectation expected = *prompt.until;
   if (expected.of_target && !observer.can_see(*expected.target)) {
     observer.check_later(expected);
     note("info",
          "'" + expected.target->name + "' is not in view from here; it is checked before it is measured");
-    co_return "";
+    if (!expected.of_beams) co_return "";
+    expected.of_target = false;
   }
   const Observation observed = co_await observer.observe(expected);
   if (!observed.good) co_return observed.text;

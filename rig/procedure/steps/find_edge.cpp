@@ -322,13 +322,13 @@ class FindEdge final : public StepKind {
     const double middle = (settings.from_deg + settings.to_deg) / 2;
     plan.stage_deg = middle;
     if (!std::isnan(middle)) plan.likely_deg = middle;
-    plan.says = "find the " + std::string(settings.right ? "right" : "left") + " edge of " + settings.target +
-                " with beam " + arguments.text_or("beam_deg", "?") + " deg, " +
-                (std::isnan(middle) ? ""
-                                    : "near " + rounded_text(middle, 2) + " deg, at most " +
-                                          std::to_string(most_stops(settings.width())) + " stops, ") +
-                "about " + std::to_string(usual_stops) + " stops of " + std::to_string(settings.samples) +
-                " scans";
+    plan.says =
+        "find the " + std::string(settings.right ? "right" : "left") + " edge of " + settings.target +
+        " with beam " + arguments.text_or("beam_deg", "?") + " deg, " +
+        (std::isnan(middle) ? "" : "near " + rounded_text(middle, 2) + " deg, ") + "about " +
+        std::to_string(usual_stops) + " stops" +
+        (std::isnan(middle) ? "" : " (at most " + std::to_string(most_stops(settings.width())) + ")") +
+        " of " + std::to_string(settings.samples) + " scans";
   }
   awaitable<void> run(const Arguments& arguments, StepContext& context) const override {
     const Settings settings = settings_of(arguments, context.bench(), context.rules().approach);

@@ -37,7 +37,7 @@ const std::vector<Option>& until_options() {
   static const std::vector<Option> options = {
       {.name = "beams_deg",
        .type = Type::numbers,
-       .about = "beams that check it, in degrees of the lidar's frame; a placed target's own if not given"},
+       .about = "beams that are checked, in degrees of the lidar's frame; a placed target is checked anyway"},
       {.name = "within_mm", .type = Type::numbers, .about = "distance they should see"},
       {.name = "flat_within_mm", .about = "largest deviation from a straight line", .min = 0.1},
       {.name = "tolerance_mm",
@@ -114,7 +114,7 @@ class PromptStep final : public StepKind {
          .members = place_options()},
         {.name = "until",
          .type = Type::map,
-         .about = "what the rig itself should then see; without it, a placed target where it was requested",
+         .about = "what the rig itself should then see, besides a placed target where it was requested",
          .members = until_options()},
         {.name = "timeout_min",
          .about = "stops the run, resumable, when nobody answers; waits indefinitely if not given",
@@ -177,18 +177,21 @@ class PromptStep final : public StepKind {
     result.tolerance_mm = until.maybe_number("tolerance_mm");
     result.surface = until.flag_or("surface", true);
     result.echo = until.flag_or("echo", true);
+    result.of_target = places_target;
     const auto beams = until.interval("beams_deg");
     if (!beams) {
       if (!places_target || until.has("within_mm") || until.has("flat_within_mm"))
         throw ProcedureError(until.position(),
                              "'until' needs 'beams_deg', the beams that check it; only a target that 'place' "
                              "names is checked without them.");
-      result.of_target = true;
       return result;
     }
-    if (result.tolerance_mm)
-      throw ProcedureError(until.position_of("tolerance_mm"),
-                           "'until' takes one of tolerance_mm, about a target's place, and beams_deg.");
+    if (result.tolerance_mm && !places_target)
+      throw ProcedureError(
+          until.position_of("tolerance_mm"),
+          "tolerance_mm is about the target that 'place' names; there is none. For beams_deg "
+          "give within_mm.");
+    result.of_beams = true;
     result.from_deg = beams->first;
     result.to_deg = beams->second;
     result.within_mm = until.interval("within_mm");

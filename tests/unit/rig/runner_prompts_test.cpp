@@ -44,6 +44,19 @@ TEST_CASE(
   CHECK(rig.captures()[0].range == 1600);
 }
 
+TEST_CASE("beams that a prompt waits for are asked besides the place of its target, not instead") {
+  for (const double board_mm : {1400, 1600}) {
+    CAPTURE(board_mm);
+    Rig rig(
+        "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 1600}, until: {beams_deg: "
+        "[-1, "
+        "1], within_mm: [1300, 1500]}}\n");
+    rig.world.board_mm = board_mm;
+    CHECK_THROWS_WITH(rig.run(),
+                      Contains(board_mm == 1400 ? "'board' is not in its place" : "expected 1300 to 1500"));
+  }
+}
+
 TEST_CASE("an unattended run ends where a target is not in place, without having measured it") {
   Rig placed(
       "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 5000}}\n"
@@ -230,7 +243,7 @@ TEST_CASE(
   };
   CHECK(rig.run());
   REQUIRE_FALSE(wrong.empty());
-  CHECK(wrong.front() == "the rig sees 1400 mm, expected 1450 to 1550 mm.");
+  CHECK_THAT(wrong.front(), Contains("'board' is not in its place") && Contains("instead of 1500 mm"));
   CHECK(rig.reported("lidar lost"));
   CHECK(rig.reported("lidar is back"));
   REQUIRE(rig.captures().size() == 1);
