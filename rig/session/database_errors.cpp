@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <fstream>
 
+#include "rig/output_place.hpp"
+
 namespace rig {
 namespace {
 
@@ -36,8 +38,13 @@ void rethrow_for_operator(const std::string& path, const SQLite::Exception& erro
                          "wrote.");
       [[fallthrough]];
     case SQLITE_CORRUPT:
-      throw UsageError(path + " is damaged or not a session file (" + error.what() +
-                       "). Nothing was changed. Copy it and try `sqlite3 FILE .recover`.");
+      throw UsageError(
+          path + " is damaged or not a session file (" + error.what() +
+          "). Nothing was changed. Take it from the archive or another copy. Where there is none, this saves "
+          "what "
+          "can still be reached, to be read but not resumed: (echo 'PRAGMA application_id=" +
+          std::to_string(session_application_id) +
+          ";'; sqlite3 -readonly FILE .dump | sed 's/^ROLLBACK.*/COMMIT;/') | sqlite3 SAVED.rig");
     case SQLITE_BUSY:
       throw UsageError(path + " is being written by another program. Wait for it to finish or stop it.");
     case SQLITE_READONLY:

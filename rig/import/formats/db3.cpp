@@ -83,9 +83,9 @@ class Db3 : public Importer {
             path + " is an SQLite database but not a ROS 2 bag: it lacks the tables topics and messages.");
       read_messages(bag, options, sink);
     } catch (const SQLite::Exception& error) {
-      throw UsageError(path + " cannot be read as a ROS 2 bag (" + error.what() +
-                       "). It is damaged or was cut while copying; `ros2 bag reindex` or `sqlite3 FILE "
-                       ".recover` may save it.");
+      throw UsageError(
+          path + " cannot be read as a ROS 2 bag (" + error.what() +
+          "). It is damaged or was cut while copying: copy it again from where it was recorded.");
     }
   }
 };

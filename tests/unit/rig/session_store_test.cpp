@@ -367,6 +367,22 @@ TEST_CASE("damaged scans are refused rather than misread") {
                     Catch::Matchers::Contains("holds 1 values where 3"));
 }
 
+TEST_CASE("a session that was cut in half is refused with a way to save what is left") {
+  const TestFolder folder;
+  {
+    SessionStore store(folder / "run.rig", Mode::create);
+    for (int i = 1; i <= 200; ++i) add_capture(store, i);
+  }
+  std::filesystem::resize_file(folder / "run.rig", std::filesystem::file_size(folder / "run.rig") / 2);
+  const auto use = [&] {
+    const SessionStore store(folder / "run.rig", Mode::read);
+    store.recording(plain_bench())->for_each_scan(0, [](const fit::ScanView&) {});
+    (void)store.content_hash();
+  };
+  CHECK_THROWS_WITH(use(), Catch::Matchers::Contains("sqlite3 -readonly FILE .dump") &&
+                               Catch::Matchers::Contains("PRAGMA application_id=1380534065;"));
+}
+
 TEST_CASE("the content hash names the data and not how it was written") {
   const TestFolder folder;
   for (const char* name : {"a.rig", "b.rig", "c.rig"}) {
