@@ -36,6 +36,9 @@ class Resume : public Command {
     const SessionStore stored(session_, SessionStore::Mode::read);
     if (stored.get("ended") == "done") {
       std::fprintf(stderr, "rig: all steps of %s are done: nothing is left to resume.\n", session_.c_str());
+      const json limits = json::parse(stored.latest_result("limits").value_or("{}"), nullptr, false);
+      if (limits.is_object() && !all_pass(limits.value("checks", json::array())))
+        throw MeasurementError("not every limit is met; the report says which and why.");
       return 0;
     }
     const std::string text = needed(stored, "procedure");

@@ -117,4 +117,8 @@ json check_limits(const std::vector<Limit>& limits, const SessionStore& session)
           {"checks", checks}};
 }
 
+bool all_pass(const json& checks) {
+  return std::ranges::all_of(checks, [](const json& each) { return each.value("verdict", "") == "pass"; });
+}
+
 }  // namespace rig

@@ -153,5 +153,7 @@ class RunStopped : public MeasurementError {
 
 /// Checks limits against the newest results: `limits/1` of docs/operate/certificate.md.
 nlohmann::json check_limits(const std::vector<Limit>& limits, const SessionStore& session);
+/// Whether every one of the checks of such a document is met for sure.
+bool all_pass(const nlohmann::json& checks);
 
 }  // namespace rig

@@ -121,11 +121,7 @@ void Runner::Impl::store_limits() {
   state().checks_text = checked["checks"].dump();
 }
 
-bool Runner::Impl::limits_met() const {
-  for (const json& check : json::parse(state().checks_text))
-    if (check.value("verdict", "") != "pass") return false;
-  return true;
-}
+bool Runner::Impl::limits_met() const { return all_pass(json::parse(state().checks_text)); }
 
 void Runner::Impl::finish_session() {
   try {

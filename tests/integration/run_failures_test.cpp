@@ -287,6 +287,9 @@ TEST_CASE("a limit that is not met is exit status 1 with the limit in the summar
   Program rig(bench.command(bench.folder / "p.yaml"), bench.folder);
   CHECK(rig.exit_status() == 1);
   CHECK_THAT(rig.errors(), Contains("fail") && Contains("Noise") && Contains("not every limit is met"));
+  Program resumed({RIG_BIN_DIR "/rig", "resume", bench.folder / "out.rig"}, bench.folder);
+  CHECK(resumed.exit_status() == 1);
+  CHECK_THAT(resumed.errors(), Contains("nothing is left to resume") && Contains("not every limit is met"));
 }
 
 TEST_CASE("a limit that no result of the run can have is refused with its place before anything moves") {
