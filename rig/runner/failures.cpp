@@ -33,6 +33,7 @@ std::exception_ptr with_more_words(const std::exception_ptr& why, const std::str
   if (is_a<DeviceError>(why)) return std::make_exception_ptr(DeviceError(text));
   if (is_a<SessionDiskError>(why)) return std::make_exception_ptr(SessionDiskError(text));
   if (is_a<MeasurementError>(why)) return std::make_exception_ptr(MeasurementError(text));
+  if (is_a<UsageError>(why)) return std::make_exception_ptr(UsageError(text));
   return why;
 }
 

@@ -232,8 +232,7 @@ awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
   control_.stop_if_aborted();
   throw DeviceError("The lidar was lost and did not come back within " +
                     fit::format_value(longest_wait_s, 0) + " s: " + sentence(why) +
-                    " What was captured is in " + session_.path() +
-                    ". Check the lidar's power and cable, then continue with rig resume.");
+                    " Check the lidar's power and cable.");
 }
 
 awaitable<void> LidarLink::reconnect_after_power_cycle() {

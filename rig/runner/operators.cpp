@@ -220,7 +220,7 @@ class TerminalOperator final : public Operator {
       if (!others_answer_)
         throw UsageError(
             "Nobody can answer: standard input has ended. Give --yes to confirm all prompts, --operator for "
-            "a simulated bench, or --live to answer in a browser; then continue with rig resume.");
+            "a simulated bench, or --live to answer in a browser.");
       asio::steady_timer never(input_.get_executor(), asio::steady_timer::time_point::max());
       co_await never.async_wait(use_awaitable);
     }

@@ -94,7 +94,7 @@ awaitable<Answer> Runner::Impl::ask(Prompt prompt) {
     }
     if (parts.operator_.unattended() && attempt >= attempts_of_nobody)
       throw MeasurementError("'" + prompt.title + "' is not as requested: " + prompt.refusal +
-                             " Unattended run: cannot be corrected. Continue with rig resume.");
+                             " Unattended run: cannot be corrected.");
   }
 }
 
@@ -131,8 +131,7 @@ awaitable<Answer> Runner::Impl::ask_once(Prompt prompt) {
   control.stop_if_aborted();
   const std::optional<Answer> answered = desk.taken();
   if (!answered)
-    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) +
-                     ". What was captured is in " + session.path() + ". Continue with rig resume.");
+    throw RunStopped("Nobody answered '" + prompt.title + "' in " + duration_text(prompt.timeout_s) + ".");
   co_return *answered;
 }
 
@@ -167,7 +166,7 @@ awaitable<void> Runner::Impl::check_targets() {
       throw MeasurementError(
           observed.text +
           " Unattended run: cannot be corrected. Put it there, or correct from_mm and to_mm in "
-          "the bench file and begin a new session. Continue with rig resume.");
+          "the bench file and begin a new session.");
     Prompt prompt;
     prompt.title = "Put '" + expected.target->name + "' in its place";
     prompt.text =

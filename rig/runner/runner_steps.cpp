@@ -126,9 +126,8 @@ awaitable<void> Runner::Impl::wait(double seconds) {
         std::exchange(restarts, lidar_link.clock_restarts()) != lidar_link.clock_restarts();
     if (begun_us && restarted) {
       if (++begun_again > waits_begun_again)
-        throw DeviceError(
-            "The lidar restarted " + std::to_string(begun_again) +
-            " times during the wait. Check its power supply and its cable, then continue with rig resume.");
+        throw DeviceError("The lidar restarted " + std::to_string(begun_again) +
+                          " times during the wait. Check its power supply and its cable.");
       note("warning", "the wait of " + to_text(seconds) + " s begins again, " +
                           rounded_text(static_cast<double>(host_us - *begun_us) / 1e6, 0) +
                           " s after it began: the lidar may have cooled");

@@ -126,7 +126,7 @@ awaitable<lidar::Scan> Runner::Impl::next_scan_before_limit(double seconds) {
     co_await stage.stop_turning();
     throw MeasurementError(
         "The turning stage reached its soft limit before the lidar had sent all requested scans, and was "
-        "stopped. Find out what delayed the scans (the session's events), then continue with rig resume.");
+        "stopped. Find out what delayed the scans (the session's events).");
   }
   if (why) std::rethrow_exception(why);
   lidar_link.report_clock_restart(scan);

@@ -113,7 +113,7 @@ awaitable<double> StageMotion::move_to(double target_deg, int approach, const Fi
     if (attempt >= stage_attempts)
       throw StageError(seen + ", " + std::to_string(attempt) +
                        " times. It was stopped. Check that nothing blocks it and that its scale is right "
-                       "(stage in the bench file), then continue with rig resume.");
+                       "(stage in the bench file).");
     status_.note("warning", seen + "; the move is repeated");
     approach_ = 0;
   }

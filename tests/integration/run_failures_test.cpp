@@ -276,7 +276,18 @@ TEST_CASE("a person at the terminal is asked in plain words and answers by typin
   Program alone(command, bench.folder);
   alone.end_input();
   CHECK(alone.exit_status() == 2);
-  CHECK_THAT(alone.errors(), Contains("Nobody can answer") && Contains("--yes"));
+  CHECK_THAT(alone.errors(), Contains("Nobody can answer") && Contains("--yes") && Contains("rig resume"));
+
+  // Before the first step: no session is left, and none is to be resumed.
+  std::filesystem::remove(bench.folder / "out.rig");
+  std::string implausible = small_bench;
+  implausible.replace(implausible.find("0.85"), 4, "85");
+  bench.write("bench.json", implausible);
+  Program unbegun(command, bench.folder);
+  unbegun.end_input();
+  CHECK(unbegun.exit_status() == 2);
+  CHECK_THAT(unbegun.errors(), Contains("Nobody can answer") && !Contains("rig resume"));
+  CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
 }
 
 TEST_CASE("a limit that is not met is exit status 1 with the limit in the summary") {
