@@ -222,7 +222,11 @@ std::vector<OutputPlace> check_outputs(const std::vector<Output>& outputs,
         refuse(path, (path == input ? "it is" : "it is the same file as " + input + ",") +
                          std::string(" what this command reads. Give the output another name."));
     refuse_recording(path);
-    if (!output.kind.empty()) refuse_other_kind(path, output.kind);
+    const bool is_pdf = output.is_page && path.ends_with(".pdf");
+    if (output.is_page && !is_pdf && !path.ends_with(".html") && !is_no_plain_file(path))
+      refuse(path, "this is written as .html or .pdf. Give a name with one of these endings, such as " +
+                       output.example + ".");
+    if (!output.kind.empty() && !is_pdf) refuse_other_kind(path, output.kind);
     for (const std::string& other : others)
       if (!is_no_plain_file(path) && same_file(path, other))
         refuse(path, "it is to receive " +

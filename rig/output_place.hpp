@@ -25,6 +25,7 @@ struct Output {
   bool or_standard_output = false;
   /// What it will hold, as kind_of_file() has it: known before anything is computed. Empty: found at the end.
   std::string kind = {};
+  bool is_page = false;  ///< FILE.html or FILE.pdf, as write_page() (report/pdf.hpp) makes it.
 };
 
 /// A place that check_outputs() found fit to be written, which is asked once: who takes one relies on that

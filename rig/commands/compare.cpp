@@ -5,6 +5,7 @@
 
 #include "rig/commands/json_output.hpp"
 #include "rig/report/compare_report.hpp"
+#include "rig/report/pdf.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/session/session_store.hpp"
 
@@ -35,7 +36,7 @@ class Compare : public Command {
         "compare", "Compares noise, intensity and edges of two devices: a recorded one and its twin");
     command->add_option("recorded", recorded_, "Session files (*.rig) of the first device")->required();
     command->add_option("--with", other_, "Session files of the second device")->required();
-    command->add_option("-o,--output", output_, "Page to write (HTML)");
+    command->add_option("-o,--output", output_, "Page to write: FILE.html or FILE.pdf");
     json_.declare(*command, "the distances", "comparison");
     command->add_option("--beams", beams_, "Beams that count for noise and intensity, degrees: FROM TO")
         ->expected(2);
@@ -47,7 +48,7 @@ class Compare : public Command {
     if (output_.empty() && !json_.wanted()) throw UsageError("name the output: -o PAGE.html, or --json FILE");
     std::vector<std::string> inputs = recorded_;
     inputs.insert(inputs.end(), other_.begin(), other_.end());
-    check_outputs({{output_, "comparison.html", false, "comparison"}, json_.output()}, inputs);
+    check_outputs({{output_, "comparison.html", false, "comparison", true}, json_.output()}, inputs);
     const Sessions recorded(recorded_), other(other_);
     fit::StatisticsOptions options;
     if (beams_.size() == 2) {
@@ -71,7 +72,7 @@ class Compare : public Command {
                    s.at("verdict").get<std::string>().c_str());
     json_.write(document);
     if (!output_.empty()) {
-      write_file_atomically(output_, comparison_html(comparison));
+      write_page(output_, comparison_html(comparison));
       std::fprintf(stderr, "page: %s\n", std::filesystem::absolute(output_).c_str());
     }
     return 0;

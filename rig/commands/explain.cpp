@@ -11,6 +11,7 @@
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/explain_report.hpp"
+#include "rig/report/pdf.hpp"
 #include "rig/runner/bench_file.hpp"
 #include "rig/session/session_store.hpp"
 
@@ -56,7 +57,7 @@ class Explain : public Command {
     command->add_option("--bench", bench_, "Bench file; default: the one in the session");
     json_.declare(*command, "the explanation", "explanation");
     command->add_option("--report", report_,
-                        "Write the explanation as one HTML page with pictures to FILE.html");
+                        "Write the explanation as one page with pictures: FILE.html or FILE.pdf");
     command->add_option(
         "--next", next_,
         "Where to write the procedure that separates undecided suspects; default: beside the session");
@@ -67,8 +68,9 @@ class Explain : public Command {
   }
 
   int run() override {
-    check_outputs({json_.output(), {report_, "explanation.html", false, "explanation"}, {next_, "next.yaml"}},
-                  inputs());
+    check_outputs(
+        {json_.output(), {report_, "explanation.html", false, "explanation", true}, {next_, "next.yaml"}},
+        inputs());
     demand_different_sessions(fitted_and_predicted());
     std::optional<fit::Bench> bench;
     if (!bench_.empty()) bench = read_bench_file(bench_);
@@ -78,7 +80,7 @@ class Explain : public Command {
     if (!report_.empty()) {
       std::string names;
       for (const std::string& path : sessions_) names += (names.empty() ? "" : ", ") + path;
-      write_file_atomically(report_, explanation_html(document, names));
+      write_page(report_, explanation_html(document, names));
       std::fprintf(stderr, "report: %s\n", std::filesystem::absolute(report_).c_str());
     }
     return 0;

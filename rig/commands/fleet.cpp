@@ -8,6 +8,7 @@
 #include "rig/commands/archive_options.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/report/pdf.hpp"
 
 namespace rig::commands {
 namespace {
@@ -22,19 +23,19 @@ class Fleet : public Command {
                             "All lidars of an archive: which error mechanisms they show, which drift, which "
                             "unknown shapes they share, which sessions belong to another lidar");
     archive_.declare(*command, true);
-    command->add_option("-o,--output", output_, "Page to write (HTML)");
+    command->add_option("-o,--output", output_, "Page to write: FILE.html or FILE.pdf");
     json_.declare(*command, "the fleet", "fleet");
     return command;
   }
 
   int run() override {
-    check_outputs({{output_, "fleet.html", false, "fleet"}, json_.output()});
+    check_outputs({{output_, "fleet.html", false, "fleet", true}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json fleet = fleet_of(sessions);
     if (!json_.wanted()) print(fleet);
     json_.write(fleet);
     if (output_.empty()) return 0;
-    write_file_atomically(output_, fleet_html(fleet));
+    write_page(output_, fleet_html(fleet));
     std::fprintf(stderr, "page: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }

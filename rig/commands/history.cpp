@@ -8,6 +8,7 @@
 #include "rig/commands/archive_options.hpp"
 #include "rig/commands/json_output.hpp"
 #include "rig/json_fields.hpp"
+#include "rig/report/pdf.hpp"
 
 namespace rig::commands {
 namespace {
@@ -23,19 +24,19 @@ class History : public Command {
                             "calibrate it again");
     command->add_option("serial", serial_, "Serial number of the lidar")->required();
     archive_.declare(*command, true);
-    command->add_option("-o,--output", output_, "Page to write (HTML)");
+    command->add_option("-o,--output", output_, "Page to write: FILE.html or FILE.pdf");
     json_.declare(*command, "the history", "history");
     return command;
   }
 
   int run() override {
-    check_outputs({{output_, serial_ + ".html", false, "history"}, json_.output()});
+    check_outputs({{output_, serial_ + ".html", false, "history", true}, json_.output()});
     const std::vector<SessionRecord> sessions = archive_.sessions();
     const json history = history_of(sessions, serial_);
     if (!json_.wanted()) print(history);
     json_.write(history);
     if (output_.empty()) return 0;
-    write_file_atomically(output_, history_html(history));
+    write_page(output_, history_html(history));
     std::fprintf(stderr, "page: %s\n", std::filesystem::absolute(output_).c_str());
     return 0;
   }

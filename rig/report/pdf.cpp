@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "rig/report/pdf.hpp"
 
+#include <cstdio>
 #include <filesystem>
 
 #include "rig/errors.hpp"
@@ -12,11 +13,13 @@ namespace rig {
 void write_pdf(const std::string& html, const std::string& output, std::chrono::milliseconds longest) {
   write_beside(output, [&](const std::string& part) {
     const std::string page = part + ".html";
-    write_file_atomically(page, html);
+    struct Removal {
+      const std::string& file;
+      ~Removal() { std::remove(file.c_str()); }
+    } const at_the_end{page};
+    write_text(page, html);
     const auto printing =
         run_child({"weasyprint", "-q", "--pdf-variant", "pdf/a-3b", page, part}, longest).end;
-    std::error_code ignored;
-    std::filesystem::remove(page, ignored);
     if (printing == ChildResult::End::missing)
       throw UsageError(
           "PDF needs WeasyPrint: install the package 'weasyprint', or write .html and print it from a "
@@ -27,6 +30,10 @@ void write_pdf(const std::string& html, const std::string& output, std::chrono::
     if (printing != ChildResult::End::done || !std::filesystem::exists(part))
       throw UsageError("WeasyPrint could not write " + output + ": write .html and print it from a browser");
   });
+}
+
+void write_page(const std::string& path, const std::string& html) {
+  path.ends_with(".pdf") ? write_pdf(html, path) : write_file_atomically(path, html);
 }
 
 }  // namespace rig

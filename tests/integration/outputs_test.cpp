@@ -3,11 +3,13 @@
 #include <sys/wait.h>
 
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "rig/report/pdf.hpp"
 #include "rig/session/session_store.hpp"
 #include "tests/support/programs.hpp"
 
@@ -66,6 +68,25 @@ TEST_CASE("no command replaces a recording, nor what it reads") {
   CHECK(program.exit_status() == 2);
   CHECK_THAT(program.errors(), Catch::Contains("what this command reads"));
   CHECK(file_text(bench) == bench_before);
+}
+
+TEST_CASE("a page is HTML or PDF, as its name says, and nothing else") {
+  const TestFolder folder;
+  const std::string input = recording_in(folder, "in.rig"), other = folder / "page.txt";
+  for (const Words& words : std::vector<Words>{{"explain", input, "--report", other},
+                                               {"compare", input, "--with", input, "-o", other},
+                                               {"history", "H1", "--archive", folder / "", "-o", other},
+                                               {"fleet", "--archive", folder / "", "-o", other}}) {
+    CAPTURE(words);
+    Program program(rig_command(words), folder);
+    CHECK(program.exit_status() == 2);
+    CHECK_THAT(program.errors(), Catch::Contains("page.txt: this is written as .html or .pdf"));
+  }
+  rig::write_page(folder / "page.html", "<p>Words</p>");
+  CHECK(file_text(folder / "page.html") == "<p>Words</p>");
+  if (std::system("command -v weasyprint >/dev/null 2>&1") != 0) return;
+  rig::write_page(folder / "page.pdf", "<p>Words</p>");
+  CHECK_THAT(file_text(folder / "page.pdf"), Catch::Matchers::StartsWith("%PDF"));
 }
 
 TEST_CASE("a full disk is told alike by whatever writes a file, and leaves nothing of it") {
