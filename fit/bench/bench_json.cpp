@@ -4,7 +4,9 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <set>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 
 #include "fit/bench/bench.hpp"
@@ -14,6 +16,23 @@ namespace fit {
 namespace {
 
 using json = nlohmann::json;
+
+/// Whether two words differ in their units of one kind only: limits_rad and limits_deg.
+bool same_but_for_units(const std::string& a, const std::string& b) {
+  static const std::vector<std::set<std::string>> kinds = {{"um", "mm", "cm", "m", "inch"},
+                                                           {"deg", "degrees", "rad", "mrad"},
+                                                           {"us", "ms", "s", "min", "h"},
+                                                           {"hz", "khz", "hertz"},
+                                                           {"c", "k", "f"}};
+  std::istringstream words(a), others(b);
+  for (std::string word, other;;) {
+    const bool is_one = static_cast<bool>(std::getline(words, word, '_')),
+               is_other = static_cast<bool>(std::getline(others, other, '_'));
+    if (!is_one || !is_other) return is_one == is_other;
+    const auto alike = [&](const auto& units) { return units.contains(word) && units.contains(other); };
+    if (word != other && std::ranges::none_of(kinds, alike)) return false;
+  }
+}
 
 /// A part of the document together with where it stands, so that every complaint names its place.
 class Reader {
@@ -58,10 +77,13 @@ class Reader {
       bool is_known = false;
       for (const char* name : known) is_known = is_known || key == name;
       if (is_known) continue;
+      for (const char* name : known)
+        if (!has(name) && same_but_for_units(key, name))
+          at(key).refuse("is in another unit than a bench file has it; the key is \"" + std::string(name) +
+                         "\"");
       const std::string meant = nearest_word(key, known);
       if (!meant.empty() && !has(meant) && edit_distance(key, meant) <= 2)
-        Reader(value_.at(key), pointer_ + "/" + key, text_, name_)
-            .refuse("is not a key of a bench file; did you mean \"" + meant + "\"?");
+        at(key).refuse("is not a key of a bench file; did you mean \"" + meant + "\"?");
     }
   }
 

@@ -70,6 +70,10 @@ TEST_CASE("soft limits that are not understood are refused: the stage would have
   CHECK_THAT(with_stage(R"("limits_deg": [-1e308, 1e308])"), Contains("must lie between"));
   CHECK_THAT(with_stage(R"("limit_deg": [-170, 170])"), Contains("did you mean \"limits_deg\"?"));
   CHECK_THAT(with_stage(R"("speed_deg_s": 0)"), Contains("must lie between"));
+  for (const auto& [written, key] : {std::pair(R"("limits_rad": [-0.3, 0.3])", "limits_deg"),
+                                     std::pair(R"("speed_rad_s": 0.3)", "speed_deg_s")})
+    CHECK_THAT(with_stage(written), Contains("in another unit") && Contains(key));
+  CHECK_THAT(complaint_of(R"({"schema": "bench/1", "lidar": {"scan_hertz": 40}})"), Contains("\"scan_hz\""));
   CHECK(with_stage(R"("limits_deg": [-170, 170], "speed_deg_s": 20, "play_deg": 0.2)").empty());
   // Of the simulated stage; near to keys of the driver's.
   CHECK(with_stage(R"("language": "gsc", "axes": 1, "homed": true, "acknowledges": true)").empty());
