@@ -149,12 +149,29 @@ std::unique_ptr<SQLite::Database> open_untouched(const std::string& path) {
   return database;
 }
 
+namespace {
+
+/// MAJOR:MINOR in the figures of /proc/locks, empty if it is not known. A layered file system lists its locks
+/// under the device of its mount, and tells another one of a file.
+std::string device_of_mount(std::uint64_t mount) {
+  std::ifstream mounts("/proc/self/mountinfo");
+  for (std::string line; std::getline(mounts, line);) {
+    unsigned long long id = 0;
+    unsigned int major = 0, minor = 0;
+    if (std::sscanf(line.c_str(), "%llu %*u %u:%u", &id, &major, &minor) != 3 || id != mount) continue;
+    char text[32];
+    std::snprintf(text, sizeof text, " %02x:%02x", major, minor);
+    return text;
+  }
+  return "";
+}
+
+}  // namespace
+
 bool is_being_written(const std::string& path) {
-  struct stat named {};
-  if (::stat(path.c_str(), &named) != 0) return false;
-  // By the file's number alone: a layered file system lists its locks under another device than it tells of a
-  // file.
-  const std::string wanted = ":" + std::to_string(named.st_ino) + " ";
+  struct statx named {};
+  if (::statx(AT_FDCWD, path.c_str(), 0, STATX_INO | STATX_MNT_ID, &named) != 0) return false;
+  const std::string wanted = device_of_mount(named.stx_mnt_id) + ":" + std::to_string(named.stx_ino) + " ";
   std::ifstream locks("/proc/locks");
   for (std::string line; std::getline(locks, line);)
     if (line.find(" FLOCK ") != std::string::npos && line.find(" WRITE ") != std::string::npos &&
