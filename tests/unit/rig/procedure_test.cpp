@@ -100,6 +100,9 @@ TEST_CASE("a wrong procedure is reported by file, line, column and remedy") {
   CHECK_THAT(refuse(head + "  - for-each: {x: {from: 1, to: 0, step: 1}}\n    steps: [home]\n"),
              Contains("empty"));
   CHECK_THAT(refuse(head + "  - home\nlimits:\n  - {name: w, of: centre, max: 1}\n"), Contains("KIND.VALUE"));
+  const std::string limit = head + "  - home\nlimits:\n  - {name: w, of: centre.x, min: 5, max: ";
+  CHECK_THAT(refuse(limit + "1}\n"), Contains("p.yaml:5:") && Contains("are the wrong way round"));
+  CHECK_THAT(refuse(limit + "6, guard_band: 1}\n"), Contains("none between their guard bands"));
 }
 
 TEST_CASE("a name may be used only after the step that gives it its value") {
