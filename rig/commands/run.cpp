@@ -49,6 +49,23 @@ void check_fits(const std::vector<Step>& steps, const Variables& variables) {
   }
 }
 
+/// Says what the calibrations' options leave open, where all of them are known.
+void note_doubts_about_fits(const std::vector<Step>& steps, const Variables& variables, std::FILE* out) {
+  for (const Step& step : steps) {
+    note_doubts_about_fits(step.steps, variables, out);
+    const Node* kind = step.kind->calibration(step.options);
+    if (!kind || has_expression(kind->scalar)) continue;
+    json given = json::object();
+    if (const Node* options = step.options.find("options"))
+      for (const auto& [name, value] : options->members)
+        given[name.scalar] = value_before_run(value, variables);
+    if (std::ranges::any_of(given, [](const json& value) { return value.is_null(); })) continue;
+    if (const std::string doubt = doubt_about_fit(kind->scalar, given); !doubt.empty())
+      std::fprintf(out, "note: %s: %s: %s\n", kind->position.text().c_str(), kind->scalar.c_str(),
+                   doubt.c_str());
+  }
+}
+
 /// The calibrations of the steps; false if only the run will know one of them.
 bool add_kinds(const std::vector<Step>& steps, std::vector<std::string>& kinds) {
   bool all_known = true;
@@ -110,8 +127,10 @@ class Run : public Command {
     (void)bench_stage_options(bench);  // What it refuses is refused before a dry run says that all is well.
     if (dry_run_) {
       std::fputs(dry_run_text(procedure, bench, plan).c_str(), stdout);
+      note_doubts_about_fits(procedure.steps, procedure.variables, stdout);
       return list_doubts(bench);
     }
+    note_doubts_about_fits(procedure.steps, procedure.variables, stderr);
     return devices_.run(procedure, bench, out_, continues());
   }
 

@@ -83,6 +83,11 @@ void check_fit(const std::string& kind, const nlohmann::json& options) {
   (void)FitOptions(kind, fitting_of(kind).options(), options);
 }
 
+std::string doubt_about_fit(const std::string& kind, const nlohmann::json& options) {
+  const Fitting& fitting = fitting_of(kind);
+  return fitting.doubt_about(FitOptions(kind, fitting.options(), options));
+}
+
 void check_value(const std::string& kind, const std::string& value) {
   const std::vector<std::string> names = fitting_of(kind).values();
   if (std::ranges::any_of(names, [&](const std::string& name) { return stands_for(name, value); })) return;

@@ -29,6 +29,8 @@ class Fitting {
   [[nodiscard]] virtual std::vector<std::string> values() const = 0;
   /// Every option it knows; run() is given no other.
   [[nodiscard]] virtual std::vector<FitOption> options() const { return {}; }
+  /// What a person should know of these options before hours of captures; empty if nothing.
+  [[nodiscard]] virtual std::string doubt_about(const FitOptions& /*options*/) const { return ""; }
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
   /// True if it does not matter that of a cluster of steps the lidar sends the nearest range, which is
@@ -48,6 +50,9 @@ class Fitting {
 
 /// Throws the UsageError of run_fit() without running anything. Options of the value null are not known yet.
 void check_fit(const std::string& kind, const nlohmann::json& options);
+
+/// Fitting::doubt_about(). Throws as check_fit().
+[[nodiscard]] std::string doubt_about_fit(const std::string& kind, const nlohmann::json& options);
 
 /// Throws UsageError for an unknown kind, and for a value that no result of the kind has.
 void check_value(const std::string& kind, const std::string& value);

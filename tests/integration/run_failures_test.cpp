@@ -303,6 +303,20 @@ TEST_CASE("a limit that is not met is exit status 1 with the limit in the summar
   CHECK_THAT(resumed.errors(), Contains("nothing is left to resume") && Contains("not every limit is met"));
 }
 
+TEST_CASE("a validation without a correction is said before anything moves") {
+  const Bench bench;
+  const auto said = [&](std::vector<std::string> more) {
+    more.emplace_back("--dry-run");
+    Program rig(bench.command(procedures + "range-validation.yaml", std::move(more)), bench.folder);
+    std::string output;
+    while (const auto line = rig.line()) output += *line + "\n";
+    CHECK(rig.exit_status() == 0);
+    return output;
+  };
+  CHECK_THAT(said({}), Contains("range-validation.yaml:22:") && Contains("no correction is given"));
+  CHECK_THAT(said({"--set", "correction=c.json"}), !Contains("no correction is given"));
+}
+
 TEST_CASE("a limit that no result of the run can have is refused with its place before anything moves") {
   Bench bench;
   const auto refused = [&](const std::string& of) {

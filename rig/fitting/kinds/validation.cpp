@@ -80,6 +80,12 @@ class Validation : public Fitting {
             {.name = "centre_y_mm", .unit = "mm", .about = "the same, y"}};
   }
 
+  std::string doubt_about(const FitOptions& options) const override {
+    if (!options.text("correction").empty()) return "";
+    return "no correction is given (option correction). The session's own range calibration is judged if it "
+           "has one; else no correction is, and an improvement says nothing.";
+  }
+
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const Centre centre = centre_for(sources, options);
     std::vector<FlatSurface> surfaces;
