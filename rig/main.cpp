@@ -18,6 +18,11 @@ std::vector<std::unique_ptr<Command>> all();
 
 namespace {
 
+constexpr const char* exit_status =
+    "Exit status: 0 done, and every limit met; 1 the measurement or fit failed or was stopped, or a limit is "
+    "not "
+    "met; 2 wrong usage or an unreadable file; 3 a device failed or was lost; 130 ended at once by Ctrl-C.";
+
 /// Words of files and devices stand in messages: control characters in them must not reach the terminal.
 void report(const std::exception& error) {
   std::string words = error.what();
@@ -76,6 +81,31 @@ std::string unexpected_word(const std::vector<CLI::App*>& commands) {
   return "";
 }
 
+/// What the parser says of a command line that it refuses, in the words of all other messages.
+std::string words_of(const CLI::ParseError& error, const std::vector<CLI::App*>& commands) {
+  const bool may_be_misspelt = dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr ||
+                               dynamic_cast<const CLI::RequiredError*>(&error) != nullptr;
+  if (const std::string words = unexpected_word(commands); may_be_misspelt && !words.empty()) return words;
+  const std::string what = error.what();
+  const auto parsed = std::ranges::find_if(commands, [](const CLI::App* each) { return each->parsed(); });
+  if (parsed == commands.end()) return "a subcommand is missing. `rig --help` lists them.";
+  const std::string command = "rig " + (*parsed)->get_name();
+  const std::string help = ". `" + command + " --help` says what it takes.";
+  for (const CLI::Option* option : (*parsed)->get_options()) {
+    const std::string name = option->get_name(), about = ": " + option->get_description() + help;
+    if (what == name + " is required") return command + " needs " + name + about;
+    if (const std::string refused = "Could not convert: " + name + " = "; what.starts_with(refused))
+      return command + " does not take '" + what.substr(refused.size()) + "' for " + name + about;
+    if (!what.starts_with(name + ": ")) continue;
+    const int count = option->get_expected_min();
+    const bool is_count = dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr && count > 0;
+    return is_count ? command + " takes " + (count == 1 ? "a value" : std::to_string(count) + " values") +
+                          " for " + name + about
+                    : command + ", " + what + help;
+  }
+  return command + ": " + what + help;
+}
+
 /// Says of the sessions that are named which have a log beside them, and in the end which are one file again.
 class LogNotes {
  public:
@@ -108,13 +138,15 @@ int main(int argc, char** argv) {
       "rig"};
   app.set_version_flag("--version", "rig " RIG_VERSION);
   app.require_subcommand(1);
-  app.footer(
-      "Exit status: 0 done; 1 the measurement or fit failed; 2 wrong usage or an unreadable file; "
-      "3 a device failed or was lost.");
+  app.footer(exit_status);
   std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is a full disk, told in words.
   auto commands = rig::commands::all();
   std::vector<CLI::App*> declared;
-  for (const auto& command : commands) declared.push_back(command->declare(app));
+  for (const auto& command : commands) {
+    declared.push_back(command->declare(app));
+    if (const std::string own = declared.back()->get_footer(); own.find(exit_status) == std::string::npos)
+      declared.back()->footer(own + "\n" + exit_status);
+  }
   if (const std::string wrong = unknown_first_word(argc, argv, app, declared); !wrong.empty()) {
     std::fprintf(stderr, "rig: %s\n", wrong.c_str());
     return 2;
@@ -122,12 +154,10 @@ int main(int argc, char** argv) {
   refuse_options_as_values(declared);
   try {
     app.parse(argc, argv);
-  } catch (const CLI::ExtrasError& error) {
-    const std::string words = unexpected_word(declared);
-    std::fprintf(stderr, "rig: %s\n", words.empty() ? error.what() : words.c_str());
-    return 2;
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    if (error.get_exit_code() == 0) return app.exit(error);  // Help and version.
+    std::fprintf(stderr, "rig: %s\n", words_of(error, declared).c_str());
+    return 2;
   }
   const LogNotes notes(argc, argv);
   try {

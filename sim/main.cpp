@@ -199,7 +199,9 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    if (error.get_exit_code() == 0) return app.exit(error);  // Help and version.
+    std::fprintf(stderr, "rig-sim: %s. `rig-sim --help` says what it takes.\n", error.what());
+    return 2;
   }
   try {
     return options.conceal_file.empty() ? serve(options) : conceal(options);

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <string>
 #include <vector>
 
 #include "sim/model_engine.hpp"
@@ -124,9 +125,13 @@ void record(const std::string& session, const std::string& bench_file, const std
 }  // namespace
 
 int main(int argc, char** argv) {
+  const bool asks_for_help = argc == 2 && std::string(argv[1]) == "--help";
   if (argc < 4) {
-    std::fputs("usage: rig-twin SESSION.rig BENCH.json OUT.rig [SEED]\n", stderr);
-    return 2;
+    std::fputs(
+        "usage: rig-twin SESSION.rig BENCH.json OUT.rig [SEED]\n"
+        "Records SESSION.rig again, as the bench file says that it would be.\n",
+        asks_for_help ? stdout : stderr);
+    return asks_for_help ? 0 : 2;
   }
   try {
     record(argv[1], argv[2], argv[3], argc > 4 ? std::stoull(argv[4]) : 1);

@@ -57,7 +57,14 @@ TEST_CASE("a mistyped option, a forgotten value and an argument too many are nam
        "--bench: a value is missing: the option --out follows"},
       {{"explain", "--json", "--no-store", "a.rig"},
        "--json: a value is missing: the option --no-store follows"},
-      {{"run", "p.yaml", "q.yaml"}, "'q.yaml' is one argument too many"}};
+      {{"run", "p.yaml", "q.yaml"}, "'q.yaml' is one argument too many"},
+      {{"run", "--hlep"}, "rig run has no option '--hlep'; did you mean '--help'?"},
+      {{"fit"}, "rig: rig fit needs kind: Calibration to compute. `rig fit --help` says"},
+      {{"check", "--lidar", "a", "--stage", "b"},
+       "rig: rig check needs --bench: Bench file. `rig check --help` says"},
+      {{"run", "p.yaml", "--live", "99999"}, "rig: rig run does not take '99999' for --live: "},
+      {{"compare", "a.rig", "--with", "b.rig", "--names", "a"},
+       "rig: rig compare takes 2 values for --names: "}};
   for (const auto& [words, message] : wrong) {
     std::vector<std::string> arguments = {RIG_BIN_DIR "/rig"};
     arguments.insert(arguments.end(), words.begin(), words.end());
