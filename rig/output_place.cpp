@@ -55,7 +55,8 @@ std::string schema_of(std::istream& file) {
 
 std::string folder_of(const std::string& path) {
   const fs::path parent = fs::path(path).parent_path();
-  return parent.empty() ? "." : parent.string();
+  std::error_code ignored;
+  return parent.empty() || parent == "." ? fs::current_path(ignored).string() : parent.string();
 }
 
 bool same_file(const std::string& a, const std::string& b) {

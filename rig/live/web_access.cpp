@@ -60,7 +60,10 @@ std::uint16_t listen_on(asio::ip::tcp::acceptor& acceptor, const WebAccess& acce
   if (!failed) acceptor.listen(asio::socket_base::max_listen_connections, failed);
   if (failed)
     throw UsageError(option + " cannot use " + access.address + ":" + std::to_string(access.port) + " (" +
-                     failed.message() + "). Choose another port with " + option + " PORT.");
+                     failed.message() + "). " +
+                     (failed == boost::system::errc::address_not_available
+                          ? "Give --live-listen an address of this computer."
+                          : "Choose another port with " + option + " PORT."));
   return acceptor.local_endpoint().port();
 }
 

@@ -22,6 +22,7 @@ namespace {
 constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
 
 /// A lidar that is switched on with its network switch takes longer than one alone, which is back after 3 s.
+constexpr double between_like_losses_s = 60;
 constexpr double longest_wait_s = 30, longest_pause_s = 5;
 constexpr double first_start_pause_s = 1, first_pause_s = 0.5;
 
@@ -204,10 +205,23 @@ awaitable<void> LidarLink::await_first() {
 
 awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
   streaming_ = false;
-  status_.note("warning", "lidar lost: " + sentence(why) + " The rig is reconnecting.");
+  const std::string words = "lidar lost: " + sentence(why) + " The rig is reconnecting.";
+  const auto [known, is_new] = losses_.try_emplace(words);
+  Loss& loss = known->second;
+  const bool is_reported = !is_new && seconds_since(loss.reported_us, parts_.clock) < between_like_losses_s;
+  if (is_reported) {
+    ++loss.unreported;
+    session_.add_event(time_.now_us(), "warning", words);
+  } else {
+    status_.note("warning",
+                 words + (loss.unreported > 0 ? " The same happened " + std::to_string(loss.unreported) +
+                                                    " times more since it was last said."
+                                              : ""));
+    loss = {parts_.clock.host_us(), 0};
+  }
   co_await connect_again(why);
   ++status_.state().reconnects;
-  status_.note("info", "lidar is back");
+  if (!is_reported) status_.note("info", "lidar is back");
 }
 
 awaitable<void> LidarLink::connect_again(std::exception_ptr why) {

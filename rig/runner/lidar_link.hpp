@@ -4,6 +4,7 @@
 #include <boost/asio/awaitable.hpp>
 #include <cstdint>
 #include <exception>
+#include <map>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -93,6 +94,11 @@ class LidarLink {
   bool power_cycle_announced_ = false, intensities_missed_ = false;
   std::optional<std::uint64_t> seen_ms_;
   int clock_restarts_ = 0;
+  struct Loss {
+    std::int64_t reported_us = 0;
+    int unreported = 0;  ///< Since then.
+  };
+  std::map<std::string, Loss> losses_;  ///< By what people were told; its like are counted for a minute.
   std::string accepted_;  ///< What was said of it when it was accepted all the same.
 };
 

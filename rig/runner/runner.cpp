@@ -242,7 +242,9 @@ void Runner::Impl::conclude() {
   }
   finish_session();
   // A stage's fault may have said it already.
-  const bool said = failure && words_of(failure).find(stage_stands) != std::string::npos;
+  const std::string why = failure ? words_of(failure) : "";
+  const bool said =
+      why.find(stage_stands) != std::string::npos || why.find("Nothing was moved.") != std::string::npos;
   if (said && made_safe.starts_with(stage_stands)) made_safe.erase(0, stage_stands.size());
   if (made_safe.starts_with(" ")) made_safe.erase(0, 1);
   if (failure) failure = with_more_words(failure, made_safe);

@@ -148,11 +148,13 @@ void Runner::Impl::store(std::int64_t id, long seq, const lidar::Scan& scan) {
 
 void Runner::Impl::report_losses(const CaptureRequest& request, std::uint64_t lost, std::uint64_t rejected) {
   if (lost > 0)
-    note("warning",
-         request.name + ": " + std::to_string(lost) + " scans were lost on the way; the capture is complete");
+    note("warning", request.name + ": " + std::to_string(lost) + (lost == 1 ? " scan was" : " scans were") +
+                        " lost on the way; the capture is complete");
   if (rejected > 0)
     note("warning",
-         request.name + ": " + std::to_string(rejected) + " answers with checksum errors were discarded");
+         request.name + ": " + std::to_string(rejected) +
+             (rejected == 1 ? " answer with a checksum error was" : " answers with checksum errors were") +
+             " discarded");
 }
 
 }  // namespace rig

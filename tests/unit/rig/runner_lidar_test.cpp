@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+#include <set>
+
 #include "rig/runner/bench_check.hpp"
 #include "tests/support/runner_rig.hpp"
 
@@ -17,6 +20,24 @@ TEST_CASE("a lidar that is lost in the middle of a capture comes back and the ca
   CHECK(rig.captures()[0].stamps.size() == 50);
   CHECK(rig.lidar.connects == 2);
   CHECK(rig.reported("lidar is back"));
+}
+
+TEST_CASE("a lidar that is lost again and again in one way is told once a minute, and recorded every time") {
+  Rig rig("  - home\n  - capture: {samples: 80}\n");
+  rig.lidar.before_scan = [&](std::uint64_t number) {
+    if (number == 40 || number == 60 || number == 80) throw rig::DeviceError("cable pulled.");
+  };
+  std::set<std::string> shown;
+  rig.prepare = [&](rig::Runner& runner) {
+    runner.observe([&](const rig::RunState& state) {
+      for (const auto& message : state.messages) shown.insert(std::to_string(message.time_us) + message.text);
+    });
+  };
+  rig.run();
+  CHECK(rig.times_reported("lidar lost") == 3);
+  CHECK(std::ranges::count_if(shown, [](const std::string& each) {
+          return each.find("lidar lost") != std::string::npos;
+        }) == 1);
 }
 
 TEST_CASE("scans that were lost are counted once: of a capture, of the run, and on the page") {
