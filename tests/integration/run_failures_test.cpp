@@ -252,6 +252,15 @@ TEST_CASE("a bench that the captures contradict ends the run with what was seen 
   CHECK_THAT(bench.said, Contains("'board' is not in its place") && Contains("farther away"));
 }
 
+TEST_CASE("the demo ends where the background board does not stand as it asks for") {
+  std::string truth = small_bench;
+  for (const std::string end : {"[2200, -900]", "[2200, 900]"}) truth.replace(truth.find(end) + 1, 4, "3000");
+  const Bench bench({}, truth);
+  Program rig(bench.command(procedures + "demo.yaml"), bench.folder);
+  CHECK(rig.exit_status() == 1);
+  CHECK_THAT(rig.errors(), Contains("'Background board at 2.2 m' is not as requested"));
+}
+
 TEST_CASE("a person at the terminal is asked in plain words and answers by typing") {
   Bench bench;
   bench.write(
