@@ -99,7 +99,7 @@ class LidarLink {
     int unreported = 0;  ///< Since then.
   };
   std::map<std::string, Loss> losses_;  ///< By what people were told; its like are counted for a minute.
-  std::string accepted_;  ///< What was said of it when it was accepted all the same.
+  std::string accepted_;                ///< What was said of it when it was accepted all the same.
 };
 
 }  // namespace rig
