@@ -312,7 +312,7 @@ const FamilyFit* best_of(const std::vector<FamilyFit>& sorted) {
 
 double fit_probability(std::span<const double> standardised, double freedom) {
   const auto n = static_cast<double>(standardised.size());
-  if (standardised.size() < 8 || freedom < 2) return 1;
+  if (standardised.size() < fewest_for_fit_p || freedom < 2) return std::nan("");
   double squares = 0, differences = 0;
   for (std::size_t i = 0; i < standardised.size(); ++i) {
     squares += standardised[i] * standardised[i];
@@ -323,6 +323,45 @@ double fit_probability(std::span<const double> standardised, double freedom) {
   const double z = (1 - 0.5 * differences / squares) * std::sqrt((n * n - 1) / (n - 2));
   const double by_order = 0.5 * std::erfc(z / std::sqrt(2.0));
   return std::min(1.0, 2 * std::min(by_size, by_order));
+}
+
+std::vector<bool> determined_coefficients(const Family& family, std::span<const double> coefficients,
+                                          const MatrixXd& factor, double from, double to,
+                                          std::optional<double> zero_at) {
+  constexpr int places = 24;
+  const auto count = static_cast<Index>(coefficients.size());
+  const auto curve = [&](std::span<const double> c, double x) {
+    return family.value(c, x) - (zero_at ? family.value(c, *zero_at) : 0);
+  };
+  MatrixXd gradients(places + 1, count);
+  VectorXd values(places + 1);
+  std::vector<double> gradient(coefficients.size());
+  const auto place = [&](Index i) { return from + (to - from) * static_cast<double>(i) / places; };
+  for (Index i = 0; i <= places; ++i) {
+    family.gradient(coefficients, place(i), gradient);
+    gradients.row(i) = Eigen::Map<const Eigen::RowVectorXd>(gradient.data(), count);
+    if (!zero_at) continue;
+    family.gradient(coefficients, *zero_at, gradient);
+    gradients.row(i) -= Eigen::Map<const Eigen::RowVectorXd>(gradient.data(), count);
+  }
+  for (Index i = 0; i <= places; ++i) values[i] = curve(coefficients, place(i));
+  const double band = (gradients * factor).norm();
+  std::vector<bool> out;
+  for (Index k = 0; k < count; ++k) {
+    const double u = factor.row(k).norm();
+    bool holds = u > 0;
+    for (const double sign : {1.0, -1.0}) {
+      if (!holds) break;
+      const VectorXd change = sign / u * factor * factor.row(k).transpose();
+      std::vector<double> changed(coefficients.begin(), coefficients.end());
+      for (Index j = 0; j < count; ++j) changed[static_cast<std::size_t>(j)] += change[j];
+      VectorXd off = -values - gradients * change;
+      for (Index i = 0; i <= places; ++i) off[i] += curve(changed, place(i));
+      holds = off.norm() <= band;  // false for NaN
+    }
+    out.push_back(holds);
+  }
+  return out;
 }
 
 std::optional<OpenInterval> most_open_interval(const std::vector<FamilyFit>& table, const FamilyFit& chosen,

@@ -85,9 +85,8 @@ struct FamilyFit {
   double gradient = 0;     ///< Largest cosine between residuals and Jacobian: 0 at a minimum.
   bool at_bound = false;   ///< The minimum lies against a bound of the family.
   bool ambiguous = false;  ///< Other coefficients give as good a curve: not recommended if there is another.
-  /// Probability that a right family leaves residuals so large against the points' u, or neighbours so alike;
-  /// 1 where there are too few points to tell.
-  double fit_p = 1;
+  /// fit_probability() of the residuals.
+  double fit_p = std::numeric_limits<double>::quiet_NaN();
   [[nodiscard]] bool lacks_fit() const { return fit_p < 0.01; }
   int starts = 0;
   std::vector<std::string> remarks;
@@ -130,8 +129,19 @@ struct FamilyOptions {
 /// Probability that a right curve leaves such residuals, in order of the argument and in units of the points'
 /// own u: the smaller of two tests, times two. Their mean square against 1 (F, `freedom` and points less two:
 /// the scatter in u comes from as many), and von Neumann's ratio of squared differences of neighbours (Ann.
-/// Math. Stat. 12 (1941) 367; normal approximation). 1 for fewer than eight points.
+/// Math. Stat. 12 (1941) 367; normal approximation). NaN below `fewest_for_fit_p` points, or two degrees of
+/// freedom: so few do not tell their scatter from a wrong curve.
+inline constexpr std::size_t fewest_for_fit_p = 8;
 [[nodiscard]] double fit_probability(std::span<const double> standardised, double freedom);
+
+/// Which of a curve's coefficients have an uncertainty of their own. Others follow when one is changed by its
+/// u; where the curve between `from` and `to` then leaves its band, the tangent plane says nothing of that
+/// coefficient. (b of (a + b x) exp(-c x) near b = 0, where it and c do the same.) factor: covariance =
+/// factor * factor^T, a row each. zero_at: where the curve counts as 0.
+[[nodiscard]] std::vector<bool> determined_coefficients(const Family& family,
+                                                        std::span<const double> coefficients,
+                                                        const Eigen::MatrixXd& factor, double from, double to,
+                                                        std::optional<double> zero_at = std::nullopt);
 
 /// Where between two neighbouring points a curve is much less certain than at them.
 struct OpenInterval {

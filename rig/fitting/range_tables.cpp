@@ -26,16 +26,29 @@ json digits(double value, int count = 3) {
 /// Hundredths of a millimetre.
 json hundredths(double mm) { return number_or_null(std::round(mm * 100) / 100); }
 
+/// A coefficient's standard uncertainty, or why it has none.
+json u_of_coefficient(double u, bool is_determined) {
+  if (!is_determined) return u > 0 ? "not determined" : "cancels";
+  return number_or_null(u);
+}
+
+/// Directions that the points do not determine at all are columns of zeros: no u is to be had from the rest.
+bool is_complete(const Eigen::MatrixXd& factor) { return (factor.colwise().norm().array() > 0).all(); }
+
 /// Every family's equation with its coefficients: whoever prefers another than the best finds it here.
 json family_coefficients(const std::vector<FamilyFit>& fits, const std::string& title) {
   json rows = json::array();
   for (const FamilyFit& fit : fits) {
     if (!fit.usable || fit.spline) continue;
+    const auto is_determined = fit::determined_coefficients(*fit::find_family(fit.family), fit.coefficients,
+                                                            fit.factor, fit.from, fit.to);
     for (std::size_t i = 0; i < fit.coefficients.size(); ++i)
       rows.push_back({i == 0 ? fit.title + ": " + fit.equation : "", fit.names[i],
-                      fit::format_exactly(fit.coefficients[i]), number_or_null(fit.coefficient(i).u)});
+                      fit::format_exactly(fit.coefficients[i]),
+                      u_of_coefficient(fit.coefficient(i).u, is_determined[i] && is_complete(fit.factor))});
   }
-  return {{"title", title + ": coefficients of every family, all digits"},
+  return {{"title", title + ": coefficients of every family, all digits (not determined: the others make up "
+                            "for a change of it)"},
           {"columns", {"family", "coefficient", "value", "u"}},
           {"rows", rows}};
 }
@@ -152,9 +165,13 @@ void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::s
                     fit.spline ? json(nullptr) : digits(fit.printed_mm, 2)});
   }
   tables.push_back(
-      {{"title", title + ": families by their error at held-out points (condition: of the coefficients; "
-                         "4 digits: error of the curve when they are printed so; fit p: how often the right "
-                         "family leaves such residuals; below 0.01 a family does not fit)"},
+      {{"title",
+        title +
+            ": families by their error at held-out points (condition: of the coefficients; "
+            "4 digits: error of the curve when they are printed so; fit p: how often the right "
+            "family leaves such residuals; below 0.01 a family does not fit; empty: too few points to "
+            "tell, which takes " +
+            std::to_string(fit::fewest_for_fit_p) + ")"},
        {"columns",
         {"family", column("held out", "mm"), "R2", column("RMSE", "mm"), "fit p", "coeff.", "AICc", "BIC",
          "condition", column("4 digits", "mm")}},
@@ -171,16 +188,31 @@ json coefficients_table(const Correction& c) {
   json rows = json::array();
   const auto names = c.parameter_names();
   std::vector<double> values = {c.zero_mm.value};
-  for (const auto* term : {&c.intensity, &c.range})
-    if (*term) values.insert(values.end(), (*term)->coefficients.begin(), (*term)->coefficients.end());
+  std::vector<bool> is_determined = {true};
+  for (const auto* term : {&c.intensity, &c.range}) {
+    if (!*term) continue;
+    const auto& own = (*term)->coefficients;
+    const auto rows_before = static_cast<Eigen::Index>(values.size());
+    values.insert(values.end(), own.begin(), own.end());
+    const auto own_determined =
+        fit::determined_coefficients(*fit::find_family((*term)->family), own,
+                                     c.factor.middleRows(rows_before, static_cast<Eigen::Index>(own.size())),
+                                     (*term)->from, (*term)->to, (*term)->zero_at);
+    is_determined.insert(is_determined.end(), own_determined.begin(), own_determined.end());
+  }
   for (std::size_t i = 0; i < names.size(); ++i) {
     rows.push_back({names[i], fit::format_exactly(values[i]),
-                    number_or_null(c.factor.row(static_cast<Eigen::Index>(i)).norm())});
+                    u_of_coefficient(c.factor.row(static_cast<Eigen::Index>(i)).norm(),
+                                     is_determined[i] && is_complete(c.factor))});
   }
   std::string equation = "error = zero";
   if (c.intensity) equation += " + f_I(I): " + fit::find_family(c.intensity->family)->equation;
   if (c.range) equation += " + f_L(r): " + fit::find_family(c.range->family)->equation;
-  return {{"title", "Coefficients of the correction, all digits. " + equation},
+  return {{"title",
+           "Coefficients of the correction, all digits (not determined: the others make up for a change of "
+           "it; cancels: "
+           "each curve counts from its value at the reference). " +
+               equation},
           {"columns", {"coefficient", "value", "u"}},
           {"rows", rows}};
 }
@@ -205,8 +237,11 @@ json methods_table(const fit::RangeCalibration& calibration, const std::vector<f
 
 json points_plot(const std::vector<fit::RangePoint>& points, const Correction* correction,
                  bool over_intensity) {
-  json plot = over_intensity ? new_plot("Range error against intensity", "intensity (counts)", "error (mm)")
-                             : new_plot("Range error against distance", "range (mm)", "error (mm)");
+  std::string title = over_intensity ? "Range error against intensity" : "Range error against distance";
+  if (correction && correction->intensity && correction->range)
+    title += over_intensity ? ", less the part that distance has in it"
+                            : ", less the part that intensity has in it";
+  json plot = new_plot(title, over_intensity ? "intensity (counts)" : "range (mm)", "error (mm)");
   std::vector<double> x, y, u;
   for (const fit::RangePoint& p : points) {
     if (!(over_intensity ? p.for_intensity : p.for_distance) && correction) continue;

@@ -154,7 +154,8 @@ class Range : public Fitting {
       if (!named.insert(std::lround(p.true_mm)).second) continue;
       UncertaintyBudget budget("error_at_" + fit::format_fixed(p.true_mm, 0) + "_mm",
                                "Range error at " + fit::format_fixed(p.true_mm, 0) + " mm" +
-                                   (p.intensity > 0 ? ", " + counts_in_words(p.intensity) : ""),
+                                   (p.intensity > 0 ? ", " + counts_in_words(p.intensity) : "") +
+                                   ", from one capture",
                                "mm");
       budget.add({.source = "mean of the samples",
                   .kind = 'A',
@@ -216,7 +217,8 @@ class Range : public Fitting {
       UncertaintyBudget budget("zero_mm",
                                "Range error at the reference condition (" +
                                    fit::format_fixed(correction.reference_mm, 0) + " mm, " +
-                                   fit::format_fixed(correction.reference_intensity, 0) + " counts)",
+                                   fit::format_fixed(correction.reference_intensity, 0) +
+                                   " counts), from the curves through all captures",
                                "mm");
       budget.add(
           {.source = "fit of both curves", .kind = 'A', .distribution = "normal", .u = correction.zero_mm.u});

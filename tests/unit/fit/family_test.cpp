@@ -357,6 +357,37 @@ TEST_CASE("residuals with structure are a lack of fit, noise alone is not") {
   CHECK(fit::fit_family(*fit::find_family("line"), bent).lacks_fit());
 }
 
+TEST_CASE("few points give no probability of a fit, be the family right or wrong") {
+  std::vector<fit::CurvePoint> points;
+  for (const double x : {1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0}) points.push_back({x, 10 * x, 0.1});
+  const auto constant = fit::fit_family(*fit::find_family("constant"), points);
+  CHECK(std::isnan(constant.fit_p));
+  CHECK_FALSE(constant.lacks_fit());
+  points.push_back({8, 80, 0.1});
+  CHECK(fit::fit_family(*fit::find_family("constant"), points).lacks_fit());
+}
+
+TEST_CASE("a coefficient that others make up for is not determined, and a constant that cancels has no u") {
+  // One exponential alone: the b of (a + b x) exp(-c x) and c do the same.
+  std::vector<fit::CurvePoint> points;
+  for (const double x : {168.0, 287.0, 479.0, 722.0, 1195.0, 2040.0})
+    points.push_back({x, 60 * std::exp(-0.00124 * x), 0.3});
+  const fit::Family& confluent = *fit::find_family("confluent-exponential");
+  const auto fitted = fit::fit_family(confluent, points);
+  const auto of_two =
+      fit::determined_coefficients(confluent, fitted.coefficients, fitted.factor, fitted.from, fitted.to);
+  CHECK_FALSE(of_two.at(1));
+  CHECK_FALSE(of_two.at(2));
+  const fit::Family& line = *fit::find_family("line");
+  const auto straight = fit::fit_family(line, points);
+  CHECK(fit::determined_coefficients(line, straight.coefficients, straight.factor, straight.from,
+                                     straight.to) == std::vector<bool>{true, true});
+  Eigen::MatrixXd factor = straight.factor;
+  factor.row(0).setZero();
+  CHECK(fit::determined_coefficients(line, straight.coefficients, factor, straight.from, straight.to,
+                                     168.0) == std::vector<bool>{false, true});
+}
+
 TEST_CASE("an ambiguous family is recommended only where all are") {
   std::vector<fit::FamilyFit> table(2);
   table[0].family = "a", table[0].usable = true, table[0].held_out = 1, table[0].ambiguous = true;
