@@ -49,7 +49,9 @@ struct Searched {
 };
 
 Searched search(Reduced reduced, const Progress& progress) {
+  if (progress) progress(unknown_share, "looking at the noise");
   SpreadResult spread = before_the_model(reduced);
+  if (progress) progress(unknown_share, "comparing hypotheses");
   inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
   // A lamp keeps no step with captures: whatever does is known by now.
   if (const auto hz = mains::flicker(reduced, inferred.means.noise, inferred.of_scans, spread)) {

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include <unistd.h>
-
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 
 #include "fit/explain/explanation.hpp"
 #include "rig/commands/different_sessions.hpp"
 #include "rig/commands/json_output.hpp"
+#include "rig/commands/progress_line.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_procedure.hpp"
 #include "rig/report/explain_report.hpp"
@@ -17,33 +15,6 @@
 
 namespace rig::commands {
 namespace {
-
-/// One line on the terminal with the share done and the time left, or the time so far where nobody knows the
-/// end; silent when nobody watches.
-class ProgressLine {
- public:
-  void operator()(double share, const std::string& what) {
-    if (!shown_) return;
-    const auto now = std::chrono::steady_clock::now();
-    if (now - last_ < std::chrono::milliseconds(200)) return;
-    last_ = now;
-    const double spent = std::chrono::duration<double>(now - start_).count();
-    if (share == fit::explain::unknown_share)
-      std::fprintf(stderr, "\r%-36s %4.0f s so far ", what.c_str(), spent);
-    else
-      std::fprintf(stderr, "\r%3.0f %% %-31s %4.0f s left ", 100 * share, what.c_str(),
-                   share > 0.02 ? spent * (1 - share) / share : 0);
-    written_ = true;
-  }
-  ~ProgressLine() {
-    if (written_) std::fprintf(stderr, "\r%52s\r", "");
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now(), last_ = start_;
-  bool shown_ = isatty(2) != 0, written_ = false;
-};
 
 class Explain : public Command {
  public:

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include <fcntl.h>
 #include <sys/file.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 
 #include "rig/commands/device_run.hpp"
 #include "rig/commands/json_output.hpp"
+#include "rig/commands/progress_line.hpp"
 #include "rig/descriptor.hpp"
 #include "rig/investigate/dossier_document.hpp"
 #include "rig/investigate/investigation.hpp"
@@ -33,6 +36,20 @@ class FolderLock {
 
   Descriptor file_;
 };
+
+/// What Ctrl-C prints while the rig computes and no device runs: written beforehand, as a signal's handler
+/// may neither allocate nor throw.
+std::string words_when_stopped;
+
+extern "C" void stop_computing(int) {
+  // The status of an interrupted recording. Whatever is kept is kept already, each file whole.
+  (void)!::write(STDERR_FILENO, words_when_stopped.data(), words_when_stopped.size());
+  ::_exit(1);
+}
+
+void say_when_stopped() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, stop_computing);
+}
 
 class Investigate : public Command {
  public:
@@ -92,14 +109,20 @@ class Investigate : public Command {
     actions.record = [&](const Procedure& procedure, const std::string& session, bool resumed) {
       try {
         devices_.run(procedure, bench, session, resumed);
+        say_when_stopped();  // A run has a handler of its own and leaves none.
       } catch (const RunStopped& why) {
         throw RunStopped(going_on_here(why.what(), session));
       } catch (const DeviceError& why) {
         throw DeviceError(going_on_here(why.what(), session));
+      } catch (...) {
+        say_when_stopped();
+        throw;
       }
     };
     actions.explain = [](const std::vector<const fit::Recording*>& recordings) {
-      return fit::explain::explain(recordings, {});
+      ProgressLine line;
+      return fit::explain::explain(recordings,
+                                   [&line](double share, const std::string& what) { line(share, what); });
     };
     actions.say = [this](const std::string& line) {
       std::fprintf(stderr, "investigate: %s\n", line.c_str());
@@ -117,6 +140,11 @@ class Investigate : public Command {
     devices_.doubts_bench = true;
     // Whatever is asked all the same has nobody to wait for.
     devices_.yes = investigation.unattended() && devices_.operator_port.empty();
+    words_when_stopped =
+        (isatty(STDERR_FILENO) != 0 ? "\n" : "") +
+        std::string("rig: Stopped by the operator. What was recorded is kept; continue with ") +
+        resume_command() + ".\n";
+    say_when_stopped();
     const json dossier = investigation.run();
     json_.write(dossier);
     std::fprintf(stderr, "%s\ndossier: %s\n", dossier.at("claim").get<std::string>().c_str(),
@@ -125,11 +153,14 @@ class Investigate : public Command {
   }
 
  private:
+  [[nodiscard]] std::string resume_command() const {
+    return "rig investigate " + options_.procedure + (options_.procedure.empty() ? "" : " ") + "--out " +
+           options_.folder + " --resume --lidar " + devices_.lidar + " --stage " + devices_.stage;
+  }
+
   /// What a run says of how to go on, for one that is part of an investigation.
   [[nodiscard]] std::string going_on_here(std::string words, const std::string& session) const {
-    const std::string command = "rig investigate " + options_.procedure +
-                                (options_.procedure.empty() ? "" : " ") + "--out " + options_.folder +
-                                " --resume --lidar " + devices_.lidar + " --stage " + devices_.stage;
+    const std::string command = resume_command();
     for (const std::string& of_one : {"rig resume " + session, std::string("rig resume")})
       for (auto at = words.find(of_one); at != std::string::npos;
            at = words.find(of_one, at + command.size()))

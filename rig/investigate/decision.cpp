@@ -164,6 +164,8 @@ Confirmation judge(const Outcome& o, bool claims) {
     demand(gains(o), "what was found makes the recording e^" + fit::rounded(o.gain, 3) +
                          " times as likely (± " + fit::rounded(2 * o.u_gain, 2) +
                          " in the exponent, k = 2).");
+  else
+    c.reasons.emplace_back("No cause was named, so nothing was found to test.");
   return c;
 }
 

@@ -43,6 +43,7 @@ json session_json(const Session& s) {
           {"hand_min", s.cost.hand},
           {"needs_operator", s.needs_operator},
           {"recorded", s.recorded},
+          {"without_data", s.without_data},
           {"failed", s.failed}};
 }
 
@@ -63,6 +64,13 @@ std::string tries_in_words(const State& state) {
   if (state.refuted == 0) return "";
   return state.refuted == 1 ? " This was the second prediction; the first did not come true."
                             : " This was the third prediction; the two before did not come true.";
+}
+
+/// Whether one of the answers that the sessions do not tell apart is that nothing is missing.
+bool may_be_nothing(const json& explanation) {
+  return std::ranges::any_of(explanation.at("undecided_between"), [](const json& set) {
+    return std::ranges::find(set, json(fit::explain::nothing_missing)) != set.end();
+  });
 }
 
 /// What the recording of the predicted session allows to say.
@@ -89,8 +97,12 @@ std::string claim_of(const State& state, const json& explanation) {
              tries_in_words(state);
     case End::undecidable:
     case End::budget_spent:
-      return "Physics is missing, and the sessions do not determine which of several causes it is. Only the "
-             "best fitting one was tried on a new recording, which it predicted; others may predict it too." +
+      return std::string(may_be_nothing(explanation)
+                             ? "The sessions do not determine whether physics is missing, nor which. "
+                             : "Physics is missing, and the sessions do not determine which of several "
+                               "causes it is. ") +
+             "Only the best fitting answer was tried on a new recording, which it predicted; others may "
+             "predict it too." +
              tries_in_words(state);
   }
   return "";
@@ -114,7 +126,9 @@ json open_of(const State& state, const json& explanation) {
     list.push_back("Why the predicted recording came out differently.");
   for (const Round& round : state.rounds)
     if (!round.session.failed.empty())
-      list.push_back("The session " + round.session.name + " ended early: " + round.session.failed);
+      list.push_back("The session " + round.session.name +
+                     (round.session.without_data ? " measured nothing: " : " ended early: ") +
+                     round.session.failed);
   return list;
 }
 

@@ -243,6 +243,8 @@ void Investigation::record(Session& session) {
     actions_.say("note: " + session.name + " ended early: " + session.failed);
   }
   session.recorded = true;
+  session.without_data = !has_data(path);
+  if (session.without_data) session.cost = {};
   save();
 }
 
@@ -411,7 +413,8 @@ void Investigation::compare() {
                prediction.gain,
                prediction.u_gain,
                false};
-    const bool claims = found_->verdict != fit::explain::nothing_missing;
+    // A set of suspects names none of them: which one the twin has says nothing.
+    const bool claims = !found_->mechanisms.empty() || found_->unknown;
     if (claims && !gains(outcome))
       outcome.named_again = same(*found_, actions_.explain({all->recordings.back().get()}));
     const Confirmation judged = judge(outcome, claims);

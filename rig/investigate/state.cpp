@@ -18,6 +18,7 @@ json json_of(const Session& s) {
           {"hand_min", s.cost.hand},
           {"needs_operator", s.needs_operator},
           {"recorded", s.recorded},
+          {"without_data", s.without_data},
           {"failed", s.failed}};
 }
 
@@ -29,6 +30,7 @@ Session session_in(const json& j) {
   s.cost = {j.at("stage_and_scans_min"), j.at("hand_min")};
   s.needs_operator = j.at("needs_operator");
   s.recorded = j.at("recorded");
+  s.without_data = j.value("without_data", false);
   s.failed = j.at("failed");
   return s;
 }

@@ -17,7 +17,8 @@ struct Session {
   Cost cost;
   bool needs_operator = false;
   bool recorded = false;
-  std::string failed;  ///< Why it ended before its end; what it captured counts.
+  bool without_data = false;  ///< Nothing could be measured: there is no NAME.rig, and it took no time.
+  std::string failed;         ///< Why it ended before its end; what it captured counts.
 };
 
 /// A session and what all sessions up to it say together.

@@ -29,6 +29,17 @@ std::string minutes_of(const json& session) {
          (hand > 0 ? " (" + duration_text(60 * hand) + " by hand)" : "");
 }
 
+bool has_data(const json& session) { return !session.value("without_data", false); }
+
+/// Those that have data: "1 session", "3 sessions".
+std::string sessions_in_words(const json& dossier) {
+  const json rounds = list_of(dossier, "rounds");
+  long sessions =
+      std::ranges::count_if(rounds, [](const json& round) { return has_data(round.at("session")); });
+  if (dossier.contains("last") && has_data(dossier["last"].at("session"))) ++sessions;
+  return std::to_string(sessions) + (sessions == 1 ? " session" : " sessions");
+}
+
 std::string dossier_style() {
   return "body{font:14px/1.4 \"Source Sans 3\",\"DejaVu "
          "Sans\",sans-serif;color:#1a1a1a;max-width:54em;margin:1.5em auto;"
@@ -170,10 +181,11 @@ std::string details_section(const json& dossier) {
     const json& session = round.at("session");
     const std::string name = escaped(text_of(session, "name"));
     html += "<h3>" + std::to_string(++n) + ". " + escaped(text_of(session, "title")) +
-            "</h3>\n<p class=\"sub\">Files: " + name + ".yaml, " + name + ".rig, " + name +
-            ".explanation.json</p>\n";
+            "</h3>\n<p class=\"sub\">Files: " + name + ".yaml, " +
+            (has_data(session) ? name + ".rig, " : "") + name + ".explanation.json</p>\n";
     if (!text_of(session, "failed").empty())
-      html += "<p>It ended early: " + escaped(text_of(session, "failed")) + "</p>\n";
+      html += (has_data(session) ? "<p>It ended early: " : "<p>It measured nothing: ") +
+              escaped(text_of(session, "failed")) + "</p>\n";
     if (round.contains("comparison") && round["comparison"].is_object()) {
       html += "<p>It differs from the prediction:</p>\n<ul>\n";
       for (const json& reason : list_of(round["comparison"], "reasons"))
@@ -235,8 +247,8 @@ std::string dossier_page(const json& dossier) {
       "investigation</title><style>" +
       dossier_style() + "</style></head><body>\n<h1>What the bench file leaves out</h1>\n<p class=\"sub\">" +
       escaped(text_of(dossier, "lidar")) + " &middot; " + escaped(text_of(dossier, "software")) +
-      " &middot; " + std::to_string(list_of(dossier, "rounds").size() + (dossier.contains("last") ? 1 : 0)) +
-      " sessions, " + duration_text(60 * number_of(dossier, "minutes", 0)) + ", of which by an operator " +
+      " &middot; " + sessions_in_words(dossier) + ", " +
+      duration_text(60 * number_of(dossier, "minutes", 0)) + ", of which by an operator " +
       duration_text(60 * number_of(dossier, "hand_minutes", 0)) +
       " &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box" + (confirmed ? "" : " no") +
       "\"><strong>" + escaped(text_of(dossier, "claim")) + "</strong></p>\n";

@@ -138,6 +138,38 @@ TEST_CASE(
                  !Catch::Matchers::Contains("rig resume"));
 }
 
+TEST_CASE(
+    "Ctrl-C while an explanation is computed says how to continue, and that continues without --bench") {
+  const InvestigatedBench bench("");
+  std::vector<std::string> words = bench.command({"--unattended", "--budget-min", "10", "--json-log"});
+  Program rig(words, bench.folder());
+  // That a session is whole is written down before it is explained.
+  const auto is_recorded = [&] {
+    if (!std::filesystem::exists(bench.out("investigation.json"))) return false;
+    return json::parse(file_text(bench.out("investigation.json")))
+               .at("rounds")
+               .at(0)
+               .at("session")
+               .at("recorded") == true;
+  };
+  for (int looks = 0; !is_recorded(); ++looks) {
+    REQUIRE(looks < 6000);
+    REQUIRE_FALSE(rig.ends_within(std::chrono::milliseconds(10)));
+  }
+  rig.signal(SIGINT);
+  CHECK(rig.exit_status() == 1);
+  CHECK_THAT(rig.errors(), Catch::Matchers::Contains("Stopped by the operator. What was recorded is kept; "
+                                                     "continue with rig investigate --out"));
+  std::erase(words, "--bench");
+  std::erase(words, bench.folder() / "bench.json");
+  words.emplace_back("--resume");
+  Program again(words, bench.folder());
+  const auto line = again.line(std::chrono::seconds(120));
+  INFO(again.errors());
+  REQUIRE(line);
+  CHECK(json::parse(*line).at("type") == "investigation");
+}
+
 TEST_CASE("the dossier and the lines for programs do not share standard output") {
   const TestFolder folder;
   Program rig({RIG_BIN_DIR "/rig", "investigate", "--out", folder / "out", "--unattended", "--json", "-",

@@ -142,6 +142,7 @@ TEST_CASE("a prediction is confirmed by coverage, by residuals, and by a gain wh
   worse = good, worse.gain = 20;
   CHECK_FALSE(judge(worse, true).confirmed);
   CHECK(judge(worse, false).confirmed);
+  CHECK(judge(worse, false).reasons.back() == "No cause was named, so nothing was found to test.");
   worse.named_again = true;  // Coarse steps, say: no mean and no variance shows them.
   CHECK(judge(worse, true).confirmed);
   worse.gain = -100;
@@ -300,7 +301,18 @@ TEST_CASE("a dossier claims only what the predicted recording confirmed") {
   CHECK(claim().find("second prediction") == std::string::npos);
   state.refuted = 1;
   CHECK(claim().find("This was the second prediction; the first did not come true.") != std::string::npos);
+  state.rounds.push_back(round);
+  state.rounds.back().session.name = "round-2", state.rounds.back().session.without_data = true;
+  state.rounds.back().session.failed = "There was no clock.";
+  state.rounds.front().explanation["undecided_between"] = {{"angle-jitter", "nothing-missing"}};
+  state.rounds.back().explanation = state.rounds.front().explanation;
   const std::string page = dossier_page(dossier_document(state, room()));
+  CHECK(page.find("2 sessions,") != std::string::npos);
+  CHECK(page.find("round-1.rig") != std::string::npos);
+  CHECK(page.find("round-2.rig") == std::string::npos);
+  CHECK(page.find("It measured nothing: There was no clock.") != std::string::npos);
+  state.ending->end = End::undecidable;
+  CHECK(claim().find("The sessions do not determine whether physics is missing") == 0);
   CHECK(page.find("The stage has play.") != std::string::npos);
   CHECK(page.find("The prediction was confirmed.") != std::string::npos);
 }
