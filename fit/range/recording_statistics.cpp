@@ -248,4 +248,14 @@ double distribution_distance(std::vector<double> a, std::vector<double> b) {
   return worst;
 }
 
+double distance_probability(double distance, std::size_t values, std::size_t other_values) {
+  const double root = std::sqrt(static_cast<double>(values) * static_cast<double>(other_values) /
+                                static_cast<double>(values + other_values));
+  const double lambda = (root + 0.12 + 0.11 / root) * distance;
+  if (lambda < 0.3) return 1;  // The series converges slowly; it is 1 to 5 digits.
+  double sum = 0;
+  for (int k = 1; k <= 100; ++k) sum += (k % 2 ? 2 : -2) * std::exp(-2 * k * k * lambda * lambda);
+  return std::clamp(sum, 0.0, 1.0);
+}
+
 }  // namespace fit

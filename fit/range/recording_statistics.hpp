@@ -45,4 +45,8 @@ struct StatisticsOptions {
 /// empty.
 [[nodiscard]] double distribution_distance(std::vector<double> a, std::vector<double> b);
 
+/// How often independent values of one distribution, so many on either side, lie that far apart or farther
+/// (Kolmogorov's distribution with Stephens's correction for few values).
+[[nodiscard]] double distance_probability(double distance, std::size_t values, std::size_t other_values);
+
 }  // namespace fit

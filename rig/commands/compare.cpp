@@ -49,22 +49,8 @@ class Compare : public Command {
     std::vector<std::string> inputs = recorded_;
     inputs.insert(inputs.end(), other_.begin(), other_.end());
     check_outputs({{output_, "comparison.html", false, "comparison", true}, json_.output()}, inputs);
-    const Sessions recorded(recorded_), other(other_);
-    fit::StatisticsOptions options;
-    if (beams_.size() == 2) {
-      options.from_rad = beams_[0] * fit::rad_per_deg;
-      options.to_rad = beams_[1] * fit::rad_per_deg;
-    }
-    Comparison comparison;
-    comparison.name = names_[0];
-    comparison.other_name = names_[1];
-    comparison.recorded = fit::recording_statistics(recorded.list, options);
-    comparison.other = fit::recording_statistics(other.list, options);
-    options.half = 1;
-    comparison.first_half = fit::recording_statistics(recorded.list, options);
-    options.half = 2;
-    comparison.second_half = fit::recording_statistics(recorded.list, options);
-    if (comparison.recorded.scans == 0 || comparison.other.scans == 0)
+    const Comparison comparison{compared(names_[0], recorded_), compared(names_[1], other_)};
+    if (comparison.recorded.all.scans == 0 || comparison.other.all.scans == 0)
       throw MeasurementError("there is nothing to compare: one side holds no scans");
     const nlohmann::json document = comparison_json(comparison);
     for (const auto& s : document.at("statistics"))
@@ -79,6 +65,21 @@ class Compare : public Command {
   }
 
  private:
+  [[nodiscard]] ComparedDevice compared(const std::string& name,
+                                        const std::vector<std::string>& files) const {
+    const Sessions sessions(files);
+    fit::StatisticsOptions options;
+    if (beams_.size() == 2) {
+      options.from_rad = beams_[0] * fit::rad_per_deg;
+      options.to_rad = beams_[1] * fit::rad_per_deg;
+    }
+    const auto half = [&](int which) {
+      options.half = which;
+      return fit::recording_statistics(sessions.list, options);
+    };
+    return {name, files, half(0), half(1), half(2)};
+  }
+
   std::vector<std::string> recorded_, other_, names_{"recorded", "simulated"};
   std::string output_;
   JsonOutput json_;

@@ -9,14 +9,19 @@
 
 namespace rig {
 
-/// Two devices compared. `first_half` and `second_half` are those of the one that was recorded: what it
-/// differs from itself is the measure for what the other differs from it.
-struct Comparison {
-  std::string name, other_name;
-  fit::RecordingStatistics recorded, other, first_half, second_half;
+/// A device and its sessions; the halves say how far it differs from itself.
+struct ComparedDevice {
+  std::string name;
+  std::vector<std::string> files;
+  fit::RecordingStatistics all, first_half, second_half;
 };
 
-/// `comparison/1`: distances, and which statistics agree.
+struct Comparison {
+  ComparedDevice recorded, other;
+};
+
+/// `comparison/1`: distances, and which statistics agree. Which of the two is `recorded` does not matter, and
+/// two recordings of one device differ in any statistic at most once in 20 times (Holm).
 [[nodiscard]] nlohmann::json comparison_json(const Comparison& comparison);
 /// One self-contained page of plots and distances.
 [[nodiscard]] std::string comparison_html(const Comparison& comparison);
