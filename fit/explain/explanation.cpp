@@ -78,6 +78,8 @@ Explanation reported(Searched& found) {
   inference::add_to_spread(found.inferred, findings.spread);
   if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty())
     answer::report_unknown(findings, out);
+  out.unknown_is_bench_error =
+      out.unknown && !findings.reduced.unmet.empty() && out.unknown->describes == on_unmet(findings.reduced);
   answer::report_where(findings, out);
   answer::report_doubts(findings, out);
   answer::doubt_bench_file(findings, out);

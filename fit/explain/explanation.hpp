@@ -47,6 +47,7 @@ struct Explanation {
   std::vector<Found> mechanisms;
   std::vector<std::vector<std::string>> undecided_between;
   std::optional<Unexplained> unknown;
+  bool unknown_is_bench_error = false;  ///< It is a target that is not where the bench file has it, no more.
   HeldOutFigures before, after;
   double noise_floor_mm = 0;
   Bench bench;  ///< With what was found.

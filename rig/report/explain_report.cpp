@@ -22,13 +22,36 @@ std::string figure_of(double value, int digits = 4) {
   return text;
 }
 
-std::string verdict_in_words(const std::string& verdict) {
+bool is_bench_error(const json& explanation) {
+  return explanation.contains("unknown") && explanation["unknown"].value("bench_error", false);
+}
+
+std::string verdict_in_words(const json& explanation) {
+  const std::string verdict = explanation.at("verdict").get<std::string>();
   if (verdict == "nothing-missing")
     return "Nothing is missing: the simulation explains the recording to within its noise.";
   if (verdict == "explained") return "The mismatch is explained.";
   if (verdict == "undecided")
     return "Something is missing, and this recording cannot tell which of several causes it is.";
+  if (is_bench_error(explanation)) return "The bench file and the recording do not agree.";
   return "Something is missing that no mechanism of the catalogue produces.";
+}
+
+/// What was located by a test that shows it; whoever needs the others finds them in the JSON.
+json seen_of(const json& located) {
+  constexpr double shows_nothing = 0.05;
+  json out = json::array();
+  for (const json& l : located)
+    if (!(number_of(l, "p_value") > shows_nothing)) out.push_back(l);
+  return out;
+}
+
+/// Empty where nothing was gained.
+std::string gain_row(double gain) {
+  constexpr double nothing = 0.01;
+  if (!(std::abs(gain) >= nothing)) return "";
+  return "<tr><td>log-likelihood gained, of all cells</td><td></td><td class=\"n\">" + figure_of(gain) +
+         "</td></tr>\n";
 }
 
 std::string mechanism_section(const json& m) {
@@ -141,7 +164,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       escaped(sessions) + " &middot; " + std::to_string(e.value("cells", 0L)) + " cells, " +
       std::to_string(e.value("samples", 0L)) +
       " samples &middot; ± is the expanded uncertainty (k = 2)</p>\n<p class=\"box\"><strong>" +
-      escaped(verdict_in_words(e.at("verdict").get<std::string>())) + "</strong></p>\n";
+      escaped(verdict_in_words(e)) + "</strong></p>\n";
   if (!e.at("mechanisms").empty()) html += "<h2>Mechanisms</h2>\n";
   for (const json& m : e.at("mechanisms")) html += mechanism_section(m);
   for (const json& set : e.at("undecided_between")) {
@@ -154,8 +177,12 @@ std::string explanation_html(const json& e, const std::string& sessions) {
             escaped(e["next_experiment"].get<std::string>()) +
             "</code>, written as a procedure that can be run as it is.</p>\n";
   if (e.contains("unknown"))
-    html += "<h2>Unknown physics</h2>\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
-            " (" + escaped(observable_in_words(e["unknown"].value("observable", ""))) + ").</p>\n";
+    html += std::string(is_bench_error(e) ? "<h2>Correct the bench file</h2>" : "<h2>Unknown physics</h2>") +
+            "\n<p class=\"box\">" + escaped(e["unknown"].value("describes", "")) +
+            (is_bench_error(e)
+                 ? ""
+                 : " (" + escaped(observable_in_words(e["unknown"].value("observable", ""))) + ")") +
+            ".</p>\n";
   const json& fit = e.at("fit");
   html +=
       "<h2>On data that the fit had not seen</h2>\n<table><thead><tr><th></th><th class=\"n\">before</th><th "
@@ -164,10 +191,9 @@ std::string explanation_html(const json& e, const std::string& sessions) {
       figure_of(number_of(fit, "rms_after_mm")) +
       "</td></tr>\n<tr><td>log-likelihood per cell</td><td class=\"n\">" +
       figure_of(number_of(fit, "held_out_log_likelihood_before")) + "</td><td class=\"n\">" +
-      figure_of(number_of(fit, "held_out_log_likelihood_after")) +
-      "</td></tr>\n<tr><td>log-likelihood gained, of all cells</td><td></td><td class=\"n\">" +
-      figure_of(number_of(fit, "held_out_log_likelihood_gain")) +
-      "</td></tr>\n<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
+      figure_of(number_of(fit, "held_out_log_likelihood_after")) + "</td></tr>\n" +
+      gain_row(number_of(fit, "held_out_log_likelihood_gain")) +
+      "<tr><td>share within the predicted 95 % intervals</td><td class=\"n\">" +
       figure_of(number_of(fit, "coverage_95_before"), 3) + "</td><td class=\"n\">" +
       figure_of(number_of(fit, "coverage_95_after"), 3) +
       "</td></tr>\n</tbody></table>\n<p>Noise floor of the means: " +
@@ -178,11 +204,11 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   for (const json& curve : e.value("spread_curves", json::array())) html += spread_section(curve);
   if (!e.at("curves").empty()) html += "<h2>Residuals</h2>\n";
   for (const json& curve : e.at("curves")) html += curve_section(curve);
-  if (!e.at("located").empty()) {
+  if (const json located = seen_of(e.at("located")); !located.empty()) {
     html +=
         "<h2>Where they differ</h2>\n<table><thead><tr><th>Coordinate</th><th class=\"n\">from</th><th "
         "class=\"n\">to</th><th>Observable</th><th class=\"n\">p-value</th></tr></thead><tbody>\n";
-    for (const json& l : e.at("located"))
+    for (const json& l : located)
       html += "<tr><td>" + escaped(coordinate_in_words(l.at("coordinate").get<std::string>()).with_unit()) +
               "</td><td class=\"n\">" + figure_of(number_of(l, "from")) + "</td><td class=\"n\">" +
               figure_of(number_of(l, "to")) + "</td><td>" +

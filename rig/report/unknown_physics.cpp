@@ -59,11 +59,17 @@ json unknown_physics(const json& explanation) {
   add_row(rows, "Where", where);
   if (const std::string size = size_along(explanation, coordinate); !size.empty())
     add_row(rows, "Size", size);
+  const bool bench_error = unknown.is_object() && unknown.value("bench_error", false);
   return {
       {"rows", rows},
+      {"heading", bench_error ? "Bench file and recording" : "Unknown physics"},
       {"says",
-       "The recording shows an effect that no mechanism of the catalogue produces. The calibration does not "
-       "contain it: neither its values nor their uncertainties allow for it."}};
+       bench_error
+           ? "The bench file and the recording do not agree. What the calibration takes from the bench file "
+             "may be wrong."
+           : "The recording shows an effect that no mechanism of the catalogue produces. The calibration "
+             "does not "
+             "contain it: neither its values nor their uncertainties allow for it."}};
 }
 
 }  // namespace rig

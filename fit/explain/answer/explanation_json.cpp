@@ -120,6 +120,7 @@ json to_json(const Explanation& e) {
                       {"describes", e.unknown->describes},
                       {"from", number(e.unknown->from)},
                       {"to", number(e.unknown->to)}};
+  if (e.unknown_is_bench_error) out["unknown"]["bench_error"] = true;
   for (const EmpiricalCorrection& c : e.predictor.empirical)
     out["empirical_correction"].push_back(correction_json(c));
   for (const Prediction& p : e.predictions) out["prediction"].push_back(prediction_json(p));
@@ -148,7 +149,9 @@ std::string to_text(const Explanation& e) {
             "\n    " + found.evidence + "\n";
   for (const auto& set : e.undecided_between)
     text += "Undecided between " + listed(suspects_in_words(set)) + ": they fit this recording alike.\n";
-  if (e.unknown) text += "Unknown physics: " + e.unknown->describes + ".\n";
+  if (e.unknown)
+    text += (e.unknown_is_bench_error ? "Bench file and recording do not agree: " : "Unknown physics: ") +
+            e.unknown->describes + ".\n";
   text += "Held-out means: rms " + rounded(e.before.rms_mm, 3) + " mm before, " + rounded(e.after.rms_mm, 3) +
           " mm after, noise floor " + rounded(e.noise_floor_mm, 3) + " mm; 95 % intervals hold " +
           rounded(100 * e.before.coverage, 3) + " % before, " + rounded(100 * e.after.coverage, 3) +

@@ -176,8 +176,8 @@ TEST_CASE("a wall that is written in metres is missed by its name, and all other
     INFO(to_text(e));
     CHECK(e.verdict == "unknown-physics");
     REQUIRE(e.unknown);
-    CHECK(to_text(e).find("hardly a beam meets target 'wall " + std::to_string(wall + 1) + "'") !=
-          std::string::npos);
+    CHECK(to_text(e).find("Bench file and recording do not agree: hardly a beam meets target 'wall " +
+                          std::to_string(wall + 1) + "'") != std::string::npos);
     CHECK(e.mechanisms.empty());
   }
 }

@@ -31,7 +31,7 @@ rig::ComparedDevice device(std::mt19937_64& random, const std::string& file, std
           drawn(random, values, shift)};
 }
 
-int told_apart(const nlohmann::json& comparison) {
+int different_in(const nlohmann::json& comparison) {
   int count = 0;
   for (const auto& each : comparison.at("statistics")) count += each.at("verdict") == "differs";
   return count;
@@ -45,12 +45,12 @@ TEST_CASE("one device is told from itself at most once in 20 times, and another 
   const int trials = 200;
   for (int trial = 0; trial < trials; ++trial) {
     const auto a = device(random, "a.rig", 36, 0), b = device(random, "b.rig", 36, 0);
-    alarms += told_apart(rig::comparison_json({a, b})) > 0;
+    alarms += different_in(rig::comparison_json({a, b})) > 0;
   }
   CHECK(alarms <= 16);  // 5 % of 200, and twice the standard deviation of that
   const auto a = device(random, "a.rig", 200, 0), b = device(random, "b.rig", 200, 2);
   const auto one = rig::comparison_json({a, b}), other = rig::comparison_json({b, a});
-  CHECK(told_apart(one) == 1);
+  CHECK(different_in(one) == 1);
   for (int i = 0; i < statistics; ++i)
     for (const char* key : {"verdict", "distance", "own_distance", "p_value"})
       CHECK(one.at("statistics").at(i).at(key) == other.at("statistics").at(i).at(key));

@@ -70,6 +70,22 @@ TEST_CASE("an explanation becomes a page that needs nothing else") {
   CHECK(html.find("scatter (mm)") != std::string::npos);
   CHECK(html.find("angle of incidence (deg)") != std::string::npos);
   CHECK(html.find("http") == html.find("http://www.w3.org"));
+  CHECK(html.find("Where they differ") != std::string::npos);
+}
+
+TEST_CASE("a target that is not there is told as the bench file's fault, without figures that say nothing") {
+  const auto explanation = nlohmann::json::parse(
+      R"({"schema": "explanation/1", "verdict": "unknown-physics", "cells": 10, "samples": 100,
+    "located": [{"coordinate": "beam_deg", "from": 1.0, "to": 2.0, "observable": "range-mean", "p_value": 1}],
+    "mechanisms": [], "undecided_between": [], "next_experiment": null, "notes": [], "curves": [],
+    "unknown": {"coordinate": "beam_deg", "observable": "range-mean", "describes": "hardly a beam meets it", "from": 0,
+      "to": 0, "bench_error": true},
+    "fit": {"rms_before_mm": 4.1, "rms_after_mm": 4.1, "noise_floor_mm": 2.1, "held_out_log_likelihood_gain": 4e-10}})");
+  const std::string html = rig::explanation_html(explanation, "a.rig");
+  CHECK(html.find("The bench file and the recording do not agree.") != std::string::npos);
+  CHECK(html.find("no mechanism of the catalogue") == std::string::npos);
+  CHECK(html.find("Where they differ") == std::string::npos);
+  CHECK(html.find("log-likelihood gained") == std::string::npos);
 }
 
 }  // namespace explain_procedure_test
