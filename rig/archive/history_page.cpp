@@ -15,9 +15,7 @@ using page::Cell;
 
 std::string unit_of(const json& q) { return text_of(q, "unit"); }
 
-double calendar_year(const std::string& utc) {
-  return 1970 + seconds_of_utc(utc).value_or(0) / seconds_a_year;
-}
+double seconds_of(const std::string& utc) { return seconds_of_utc(utc).value_or(0); }
 
 std::string drift_in_words(const json& q) {
   const json& drift = q.at("drift");
@@ -60,20 +58,21 @@ std::string required_in_words(const json& q) {
 
 Plot chart(const json& q) {
   Plot plot;
-  plot.x_label = "year";
+  plot.x_label = "date";
+  plot.x_is_date = true;
   plot.y_label = unit_of(q).empty() ? text_of(q, "label") : text_of(q, "label") + " (" + unit_of(q) + ")";
   plot.height_px = 320;
   Series values{"calibration, k = 2", Series::Style::errorbars, {}, {}, {}},
       left{"as left, k = 2", Series::Style::errorbars, {}, {}, {}};
   for (const json& p : q.at("points")) {
     Series& series = text_of(p, "item_state") == "as left" ? left : values;
-    series.x.push_back(calendar_year(text_of(p, "measured_utc")));
+    series.x.push_back(seconds_of(text_of(p, "measured_utc")));
     series.y.push_back(number_of(p, "value"));
     series.u.push_back(number_of(p, "U"));
   }
-  const double first = calendar_year(text_of(q.at("points").front(), "measured_utc")),
-               last = calendar_year(text_of(q.at("points").back(), "measured_utc")),
-               beside = std::max(0.02, 0.03 * (last - first));
+  const double first = seconds_of(text_of(q.at("points").front(), "measured_utc")),
+               last = seconds_of(text_of(q.at("points").back(), "measured_utc")),
+               beside = std::max(0.02 * seconds_a_year, 0.03 * (last - first));
   const auto level = [&](const std::string& name, double at) {
     if (std::isfinite(at))
       plot.series.push_back({name, Series::Style::line, {first - beside, last + beside}, {at, at}, {}});
@@ -94,7 +93,7 @@ Plot chart(const json& q) {
     const json &begin = q.at("points").at(from), &end = q.at("points").back();
     Series line{"drift", Series::Style::line, {}, {}, {}};
     for (const json* p : {&begin, &end}) {
-      line.x.push_back(calendar_year(text_of(*p, "measured_utc")));
+      line.x.push_back(seconds_of(text_of(*p, "measured_utc")));
       line.y.push_back(number_of(d, "at_first") + number_of(d, "per_year") * number_of(*p, "years"));
     }
     plot.series.push_back(line);

@@ -10,6 +10,7 @@
 #include "fit/numeric/number_format.hpp"
 #include "rig/json_fields.hpp"
 #include "rig/session/step_in_words.hpp"
+#include "rig/session/targets_in_view.hpp"
 
 namespace rig {
 namespace {
@@ -45,7 +46,9 @@ void add_newest_capture(json& state, const fit::Recording& recording) {
                    {"step_deg", step_rad * fit::deg_per_rad},
                    {"range_mm", ranges}};
   state["beam"] = {{"step", (capture.first_step + capture.last_step) / 2}, {"range_mm", history}};
-  state["stage_deg"] = capture.stage_readback_rad.value_or(capture.stage_rad) * fit::deg_per_rad;
+  const double stage_deg = capture.stage_readback_rad.value_or(capture.stage_rad) * fit::deg_per_rad;
+  state["stage_deg"] = stage_deg;
+  state["targets"] = targets_in_view(recording.bench(), stage_deg);
 }
 
 void add_results(json& state, const SessionStore& session) {

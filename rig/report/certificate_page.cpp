@@ -123,6 +123,13 @@ json shown_section(const std::string& kind, const json& result) {
   return section;
 }
 
+/// The quantity's unit by the input's; none where both are the same.
+std::string unit_of_sensitivity(const std::string& unit, const std::string& input_unit) {
+  if (unit == input_unit) return "";
+  if (input_unit.empty()) return unit;
+  return (unit.empty() ? "1" : unit) + "/" + input_unit;
+}
+
 /// The budgets of a result, a table for each quantity.
 void add_budgets(json& budgets, const json& result) {
   std::string before;
@@ -141,7 +148,8 @@ void add_budgets(json& budgets, const json& result) {
                                 ? fit::with_unit(fit::format_uncertainty(input), text_of(row, "input_unit"))
                                 : ""},
                   {"sensitivity", std::isfinite(number_of(row, "sensitivity"))
-                                      ? fit::format_value(number_of(row, "sensitivity"), 0)
+                                      ? fit::with_unit(fit::format_value(number_of(row, "sensitivity"), 0),
+                                                       unit_of_sensitivity(unit, text_of(row, "input_unit")))
                                       : ""},
                   {"nu", !row.contains("quantity")       ? ""
                          : std::isfinite(nu) && nu < 1e5 ? fit::format_fixed(nu, 0)

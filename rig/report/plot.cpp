@@ -105,6 +105,10 @@ const char* draw_style(Series::Style style) {
   return "points";
 }
 
+bool three_columns(Series::Style style) {
+  return style == Series::Style::errorbars || style == Series::Style::band;
+}
+
 void write_data(std::ostream& out, const Series& series) {
   const std::size_t n = std::min(series.x.size(), series.y.size());
   for (std::size_t i = 0; i < n; ++i) {
@@ -155,6 +159,17 @@ double y_tics(const Plot& plot, const std::vector<const Series*>& drawn) {
                     std::max(plot.height_px - around_field_px, between_tics_px));
 }
 
+/// Whole days between two marks, so that dates do not overlap. In seconds.
+double date_tics(const Plot& plot, const std::vector<const Series*>& drawn) {
+  constexpr double day_s = 86400, date_px = 110;
+  Extent x;
+  for (const Series* series : drawn)
+    for (const double at : series->x)
+      if (std::isfinite(at)) x.include(at);
+  const double intervals = std::max(1.0, plot.width_px / date_px - 1);
+  return day_s * std::max(1.0, std::ceil(x.length() / intervals / day_s));
+}
+
 /// A map has one scale for both axes: marks are apart enough for their figures, and the picture is as high as
 /// the scene asks for.
 struct MapScale {
@@ -182,7 +197,8 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   std::ostringstream out;
   const MapScale map =
       plot.equal_axes ? map_scale(plot, drawn) : MapScale{0, y_tics(plot, drawn), plot.height_px};
-  constexpr int letter_px = 7, beside_label_px = 40;
+  // The label stands beside the middle of the axis, which is above the picture's.
+  constexpr int letter_px = 7, beside_label_px = 110;
   const auto letters = static_cast<std::size_t>(std::max(10, (map.height_px - beside_label_px) / letter_px));
   out.precision(12);
   out << "set terminal svg size " << plot.width_px << ',' << map.height_px
@@ -197,12 +213,16 @@ std::string script_of(const Plot& plot, const std::vector<const Series*>& drawn)
   if (map.x_tics > 0) out << "set xtics " << map.x_tics << '\n';
   if (map.y_tics > 0) out << "set ytics " << map.y_tics << '\n';
   if (plot.log_y) out << "set logscale y\n";
+  if (plot.x_is_date)
+    out << "set xdata time\nset timefmt '%s'\nset format x '%Y-%m-%d'\nset xtics " << date_tics(plot, drawn)
+        << '\n';
   out << "plot ";
   for (std::size_t i = 0; i < drawn.size(); ++i) {
     const Series& series = *drawn[i];
     const auto style = series.style;
     const bool marked = style == Series::Style::points || style == Series::Style::errorbars;
-    out << (i ? ", " : "") << "'-' with " << draw_style(style);
+    out << (i ? ", " : "") << "'-' using 1:2" << (three_columns(style) ? ":3" : "") << " with "
+        << draw_style(style);
     if (style == Series::Style::band)
       out << " fillstyle transparent solid 0.2 linecolor rgb '" << colours[i % 7] << "'";
     else

@@ -23,6 +23,7 @@ struct Plot {
   std::vector<Series> series;
   bool equal_axes = false;  ///< One millimetre is as long on x as on y: maps, ellipses.
   bool log_y = false;
+  bool x_is_date = false;  ///< x: seconds since 1970, UTC.
   int width_px = 720, height_px = 400;
 };
 

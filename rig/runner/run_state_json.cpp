@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -7,6 +6,7 @@
 
 #include "rig/runner/runner.hpp"
 #include "rig/session/step_in_words.hpp"
+#include "rig/session/targets_in_view.hpp"
 
 namespace rig {
 namespace {
@@ -49,21 +49,6 @@ json steps_json(const RunState& state) {
                      {"text", state.steps[i].first},
                      {"state", word(state.steps[i].second)}});
   return steps;
-}
-
-/// Both ends of the target that a prompt waits for, where they should be in the lidar's frame, as scans are.
-json ghost_json(const fit::Target& target, const fit::Bench& bench, double stage_deg) {
-  const double stage_rad = stage_deg * fit::rad_per_deg;
-  const fit::Mount& mount = bench.lidar.mount;
-  const Eigen::Vector2d origin =
-      Eigen::Rotation2Dd(stage_rad) * Eigen::Vector2d(mount.x_mm.value, mount.y_mm.value);
-  const Eigen::Rotation2Dd to_lidar(-stage_rad - mount.yaw_rad.value);
-  json ends = json::array();
-  for (const Eigen::Vector2d& end : {target.from_mm, target.to_mm}) {
-    const Eigen::Vector2d seen = to_lidar * (end - origin);
-    ends.push_back({std::round(seen.x()), std::round(seen.y())});
-  }
-  return ends;
 }
 
 /// PASS, FAIL or nothing where no limit was checked.
@@ -144,6 +129,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
       {"session", state.session},
       {"steps", steps_json(state)},
       {"stage_deg", state.stage_deg},
+      {"targets", targets_in_view(bench, state.stage_deg)},
       {"pausing", state.pausing},
       {"results", results_json(state.checks_text)},
       {"progress",
@@ -158,7 +144,7 @@ json to_json(const RunState& state, const fit::Bench& bench) {
                         {"text", state.steps[state.step].first}};
   if (state.prompt) document["prompt"] = to_json(*state.prompt);
   if (state.prompt && state.prompt->until && state.prompt->until->target)
-    document["prompt"]["ghost"] = ghost_json(*state.prompt->until->target, bench, state.stage_deg);
+    document["prompt"]["ghost"] = target_in_view(*state.prompt->until->target, bench, state.stage_deg);
   if (state.phase >= RunState::Phase::done) document["end"] = end_json(state);
   if (state.scan_seen) {
     fit::CaptureInfo scanned;

@@ -141,6 +141,13 @@ class Centre : public Fitting {
     return sum;
   }
 
+  /// Root mean square over the positions.
+  static double typical_u_edge_rad(const std::vector<Position>& positions) {
+    double square = 0;
+    for (const Position& position : positions) square += std::pow(position.u_edge_rad, 2);
+    return std::sqrt(square / static_cast<double>(positions.size()));
+  }
+
   /// The budget of the centre along one direction: what each input adds there.
   static UncertaintyBudget budget_of(const fit::CentreFit& all, const std::vector<Position>& positions,
                                      const CommonEffects& common, const Eigen::Vector2d& along,
@@ -163,7 +170,9 @@ class Centre : public Fitting {
              .kind = 'A',
              .distribution = "normal",
              .u = share(&Position::u_edge_rad),
-             .freedom = freedom});
+             .freedom = freedom,
+             .input_u = typical_u_edge_rad(positions) * fit::deg_per_rad,
+             .input_unit = "deg"});
     out.add({.source = "resolution of the stage (bench file)",
              .distribution = "rectangular",
              .u = share(&Position::u_resolution_rad),

@@ -27,6 +27,8 @@ constexpr const char* result = R"j({"schema":"result/1","kind":"centre","method"
   "values":[{"name":"centre_x_mm","label":"Centre, x","value":-1.6342,"u":0.0617,"U":0.1234,"unit":"mm","k":2}],
   "budget":[{"quantity":"centre_x_mm","label":"Centre, x","source":"range noise","kind":"A","distribution":"normal","u":0.0617,
              "input_u":0.05,"input_unit":"mm","sensitivity":1.23,"nu":40,"unit":"mm"},
+            {"quantity":"centre_x_mm","label":"Centre, x","source":"edge","kind":"A","distribution":"normal","u":0.0045,
+             "input_u":0.002,"input_unit":"deg","sensitivity":2.25,"nu":40,"unit":"mm"},
             {"quantity":"centre_x_mm","label":"Centre, x","source":"combined","kind":"combined","u":0.0617,"unit":"mm","nu":40,"k":2,"U":0.1234}]})j";
 
 /// A session that may be certified.
@@ -58,6 +60,13 @@ void with(const std::string& session, const std::function<void(rig::SessionStore
 }
 
 }  // namespace
+
+TEST_CASE("a sensitivity has the quantity's unit by the input's, and none where both are the same") {
+  const TestFolder folder;
+  const std::string page = page_of(folder, certified(folder));
+  CHECK(page.find(">2.25 mm/deg<") != std::string::npos);
+  CHECK(page.find(">1.23<") != std::string::npos);
+}
 
 TEST_CASE("what is complete and consistent is a certificate, with what ISO/IEC 17025 asks for") {
   const TestFolder folder;

@@ -130,6 +130,22 @@ TEST_CASE("the figures of the y axis do not overlap in a low picture") {
   CHECK(rig::to_svg(plot).find("</svg>") != std::string::npos);
 }
 
+TEST_CASE("dates are written as dates, and the label of an axis is broken to its length") {
+  if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
+    WARN("skipped: gnuplot is not installed");
+    return;
+  }
+  Plot plot{"History",
+            "date",
+            "Range error at the reference condition (200 mm, 2040 counts)",
+            {{"a", Series::Style::errorbars, {1796000000, 1796800000}, {1, 2}, {0.1, 0.1}}}};
+  plot.x_is_date = true, plot.height_px = 320;
+  const std::string svg = rig::to_svg(plot);
+  CHECK(svg.find("2026-12-0") != std::string::npos);
+  CHECK(svg.find("2026.9") == std::string::npos);
+  CHECK(svg.find("Range error at the reference<") != std::string::npos);
+}
+
 TEST_CASE("points are drawn in the colour of their series") {
   if (std::system("command -v gnuplot >/dev/null 2>&1") != 0) {
     WARN("skipped: gnuplot is not installed");
