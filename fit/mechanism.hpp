@@ -202,8 +202,8 @@ struct Parameter {
   [[nodiscard]] double left_out() const;
   /// Shape: the same, where a bench file that leaves it out means that.
   [[nodiscard]] Parameter expecting(double that) const;
-  /// Shape: the same, as what makes the formula more general; the plain one has it at that (0: at its lower
-  /// bound).
+  /// Shape: the same, as what makes the formula more general; the plain one has it at that, or at the
+  /// bound nearest to it.
   [[nodiscard]] Parameter generalising(double that = 0) const;
   /// Shape: the same, measuring that.
   [[nodiscard]] Parameter on(Scale that) const;

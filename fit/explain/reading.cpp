@@ -101,7 +101,7 @@ std::string note_on_readback(const std::vector<CaptureInfo>& captures) {
         std::abs(wrap_angle(*capture.stage_readback_rad - capture.stage_rad)) > far_rad)
       list.push_back("capture " + std::to_string(capture.id) + " was sent to " +
                      rounded(capture.stage_rad * deg_per_rad, 5) + " deg and says " +
-                     rounded(*capture.stage_readback_rad * deg_per_rad, 5));
+                     rounded(*capture.stage_readback_rad * deg_per_rad, 5) + " deg");
   if (list.empty()) return {};
   return "The stage says elsewhere in " + std::to_string(list.size()) +
          (list.size() == 1 ? " capture: " : " captures: ") + list.front() +
@@ -222,7 +222,8 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
     : single_(single_beams(recordings)), kept_(without({}, single_)) {
   std::vector<Passer> passers = read(progress);
   const Misplaced misplaced = reduction::misplaced_captures(reduced_, together_->recordings());
-  const std::string note_on_places = note_on(misplaced, reduced_);
+  const std::string note_on_places = note_on(misplaced, reduced_),
+                    on_readback = note_on_readback(reduced_.captures);
   if (!misplaced.empty()) {
     kept_ = without(misplaced, single_);
     passers = read(progress);
@@ -234,9 +235,9 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   reduction::leave_out_unmet_targets(reduced_);
   reduction::steady_echoes(reduced_);
   const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
-  for (const std::string& note : {note_on_places, note_on_readback(reduced_.captures), note_on_things,
-                                  note_on_dead_beams(dead), note_on_odd_beams(odd), note_on_openings,
-                                  note_on_absent, note_on_scans(reduced_), note_on_clusters(single_)})
+  for (const std::string& note :
+       {note_on_places, on_readback, note_on_things, note_on_dead_beams(dead), note_on_odd_beams(odd),
+        note_on_openings, note_on_absent, note_on_scans(reduced_), note_on_clusters(single_)})
     if (!note.empty()) notes_.push_back(note);
   notes_.insert(notes_.end(), together_->notes().begin(), together_->notes().end());
 }

@@ -126,12 +126,14 @@ struct FamilyOptions {
 /// are. Null when there is none.
 [[nodiscard]] const FamilyFit* best_of(const std::vector<FamilyFit>& sorted);
 
+/// Points that tell their scatter from a wrong curve.
+inline constexpr std::size_t fewest_for_fit_p = 8;
+
 /// Probability that a right curve leaves such residuals, in order of the argument and in units of the points'
 /// own u: the smaller of two tests, times two. Their mean square against 1 (F, `freedom` and points less two:
 /// the scatter in u comes from as many), and von Neumann's ratio of squared differences of neighbours (Ann.
 /// Math. Stat. 12 (1941) 367; normal approximation). NaN below `fewest_for_fit_p` points, or two degrees of
 /// freedom: so few do not tell their scatter from a wrong curve.
-inline constexpr std::size_t fewest_for_fit_p = 8;
 [[nodiscard]] double fit_probability(std::span<const double> standardised, double freedom);
 
 /// Which of a curve's coefficients have an uncertainty of their own. Others follow when one is changed by its

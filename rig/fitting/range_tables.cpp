@@ -27,13 +27,12 @@ json digits(double value, int count = 3) {
 json hundredths(double mm) { return number_or_null(std::round(mm * 100) / 100); }
 
 /// A coefficient's standard uncertainty, or why it has none.
-json u_of_coefficient(double u, bool is_determined) {
-  if (!is_determined) return u > 0 ? "not determined" : "cancels";
-  return number_or_null(u);
+json u_of_coefficient(double u, bool is_determined, const Eigen::MatrixXd& factor) {
+  // Directions that the points do not determine at all are columns of zeros: no u is to be had from the rest.
+  const bool is_complete = (factor.colwise().norm().array() > 0).all();
+  if (is_determined && is_complete) return number_or_null(u);
+  return is_complete && u == 0 ? "cancels" : "not determined";
 }
-
-/// Directions that the points do not determine at all are columns of zeros: no u is to be had from the rest.
-bool is_complete(const Eigen::MatrixXd& factor) { return (factor.colwise().norm().array() > 0).all(); }
 
 /// Every family's equation with its coefficients: whoever prefers another than the best finds it here.
 json family_coefficients(const std::vector<FamilyFit>& fits, const std::string& title) {
@@ -45,7 +44,7 @@ json family_coefficients(const std::vector<FamilyFit>& fits, const std::string& 
     for (std::size_t i = 0; i < fit.coefficients.size(); ++i)
       rows.push_back({i == 0 ? fit.title + ": " + fit.equation : "", fit.names[i],
                       fit::format_exactly(fit.coefficients[i]),
-                      u_of_coefficient(fit.coefficient(i).u, is_determined[i] && is_complete(fit.factor))});
+                      u_of_coefficient(fit.coefficient(i).u, is_determined[i], fit.factor)});
   }
   return {{"title", title + ": coefficients of every family, all digits (not determined: the others make up "
                             "for a change of it)"},
@@ -201,9 +200,9 @@ json coefficients_table(const Correction& c) {
     is_determined.insert(is_determined.end(), own_determined.begin(), own_determined.end());
   }
   for (std::size_t i = 0; i < names.size(); ++i) {
-    rows.push_back({names[i], fit::format_exactly(values[i]),
-                    u_of_coefficient(c.factor.row(static_cast<Eigen::Index>(i)).norm(),
-                                     is_determined[i] && is_complete(c.factor))});
+    rows.push_back(
+        {names[i], fit::format_exactly(values[i]),
+         u_of_coefficient(c.factor.row(static_cast<Eigen::Index>(i)).norm(), is_determined[i], c.factor)});
   }
   std::string equation = "error = zero";
   if (c.intensity) equation += " + f_I(I): " + fit::find_family(c.intensity->family)->equation;

@@ -16,6 +16,11 @@ std::string in_words(const std::string& id) {
   return id == fit::explain::unknown_physics ? "something outside the catalogue" : id;
 }
 
+/// Whether what was found is a target that is not where the bench file has it.
+bool is_bench_error(const json& explanation) {
+  return explanation.contains("unknown") && explanation["unknown"].value("bench_error", false);
+}
+
 /// Every answer with its probability. Members of a set are equally probable: the sessions do not tell them
 /// apart.
 json suspects_of(const json& explanation) {
@@ -29,7 +34,10 @@ json suspects_of(const json& explanation) {
                       {"probability", 1.0 / static_cast<double>(set.size())},
                       {"set", true}});
   if (explanation.contains("unknown"))
-    list.push_back({{"name", in_words(fit::explain::unknown_physics)}, {"probability", 1.0}, {"set", false}});
+    list.push_back({{"name", is_bench_error(explanation) ? "another scene than the bench file's"
+                                                         : in_words(fit::explain::unknown_physics)},
+                    {"probability", 1.0},
+                    {"set", false}});
   if (explanation.at("verdict") == fit::explain::nothing_missing)
     list.push_back({{"name", "nothing missing"}, {"probability", 1.0}, {"set", false}});
   return list;
@@ -92,6 +100,9 @@ std::string claim_of(const State& state, const json& explanation) {
       return "Nothing is missing: a new recording is as the bench file predicts, to within its noise." +
              tries_in_words(state);
     case End::unknown_physics:
+      if (is_bench_error(explanation))
+        return "The bench file and the recordings do not agree: " +
+               explanation["unknown"].value("describes", std::string()) + ".";
       return "Physics is missing that no mechanism of the catalogue produces. Described as a table, it "
              "predicted a new recording." +
              tries_in_words(state);

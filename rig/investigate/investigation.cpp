@@ -414,7 +414,7 @@ void Investigation::compare() {
                prediction.u_gain,
                false};
     // A set of suspects names none of them: which one the twin has says nothing.
-    const bool claims = !found_->mechanisms.empty() || found_->unknown;
+    const bool claims = !found_->mechanisms.empty() || (found_->unknown && !found_->unknown_is_bench_error);
     if (claims && !gains(outcome))
       outcome.named_again = same(*found_, actions_.explain({all->recordings.back().get()}));
     const Confirmation judged = judge(outcome, claims);

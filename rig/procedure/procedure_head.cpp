@@ -88,11 +88,11 @@ Limit read_limit(const Node& node, const Variables& variables) {
     throw ProcedureError(arguments.position_of("guard_band"),
                          "'guard_band' must be 'expanded' or a width, not '" + to_text(guard) + "'.");
   if (limit.min && limit.max && *limit.max - *limit.min < 2 * limit.guard_band)
-    throw ProcedureError(
-        arguments.position_of("max"),
-        "the limit '" + limit.name + "' allows no value: min " + to_text(*limit.min) + " and max " +
-            to_text(*limit.max) +
-            (limit.guard_band > 0 ? " leave none between their guard bands." : " are the wrong way round."));
+    throw ProcedureError(arguments.position_of("max"),
+                         "the limit '" + limit.name + "' allows no value: min " + to_text(*limit.min) +
+                             " and max " + to_text(*limit.max) +
+                             (*limit.max < *limit.min ? " are the wrong way round."
+                                                      : " leave none between their guard bands."));
   return limit;
 }
 

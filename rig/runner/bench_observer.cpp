@@ -178,7 +178,10 @@ void BenchObserver::remember_unchecked() {
   for (const std::string& name : taken_for_granted(plan_, variables_, bench_)) add(name);
 }
 
-void BenchObserver::check_later(const Expectation& expected) { unchecked_[expected.target->name] = expected; }
+void BenchObserver::check_later(Expectation expected) {
+  expected.of_beams = false;  // From elsewhere they see something else.
+  unchecked_[expected.target->name] = std::move(expected);
+}
 
 std::vector<Expectation> BenchObserver::to_check_here() const {
   std::vector<Expectation> visible;

@@ -40,7 +40,7 @@ class BenchObserver {
   std::string wrong_surface(const Expectation& expected, const Observation& observed);
 
   void remember_unchecked();
-  void check_later(const Expectation& expected);
+  void check_later(Expectation expected);
   void checked(const std::string& target) { unchecked_.erase(target); }
   /// Of the unchecked ones those in view from here.
   [[nodiscard]] std::vector<Expectation> to_check_here() const;

@@ -21,8 +21,9 @@ namespace {
 
 constexpr int failures_without_scan = 3;  // A lidar that reconnects and never measures is lost.
 
-/// A lidar that is switched on with its network switch takes longer than one alone, which is back after 3 s.
+/// Between two messages of the same loss; the session has all of them.
 constexpr double between_like_losses_s = 60;
+/// A lidar that is switched on with its network switch takes longer than one alone, which is back after 3 s.
 constexpr double longest_wait_s = 30, longest_pause_s = 5;
 constexpr double first_start_pause_s = 1, first_pause_s = 0.5;
 
@@ -208,8 +209,8 @@ awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
   const std::string words = "lidar lost: " + sentence(why) + " The rig is reconnecting.";
   const auto [known, is_new] = losses_.try_emplace(words);
   Loss& loss = known->second;
-  const bool is_reported = !is_new && seconds_since(loss.reported_us, parts_.clock) < between_like_losses_s;
-  if (is_reported) {
+  const bool was_told = !is_new && seconds_since(loss.reported_us, parts_.clock) < between_like_losses_s;
+  if (was_told) {
     ++loss.unreported;
     session_.add_event(time_.now_us(), "warning", words);
   } else {
@@ -221,7 +222,10 @@ awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
   }
   co_await connect_again(why);
   ++status_.state().reconnects;
-  if (!is_reported) status_.note("info", "lidar is back");
+  if (was_told)
+    session_.add_event(time_.now_us(), "info", "lidar is back");
+  else
+    status_.note("info", "lidar is back");
 }
 
 awaitable<void> LidarLink::connect_again(std::exception_ptr why) {
@@ -266,8 +270,7 @@ awaitable<void> LidarLink::reconnect_once() {
 std::string LidarLink::unfit_scans(const CaptureRequest& request) {
   return "The lidar sends scans that do not belong to the capture (steps other than " +
          std::to_string(request.first_step) + " to " + std::to_string(request.last_step) +
-         ", or time stamps that do not advance). None was stored. Switch it off and on, then continue with "
-         "rig resume.";
+         ", or time stamps that do not advance). None was stored. Switch it off and on.";
 }
 
 awaitable<void> LidarLink::reconnect_for_unfit_scans(const CaptureRequest& request, int& failures) {

@@ -80,8 +80,7 @@ class BenchOperator final : public Operator {
     if (outcome.index() == 1) {
       forget_connection();
       throw DeviceError("The simulated bench at " + name() +
-                        " did not answer within 5 s. Nothing was placed. Start rig-sim again and continue "
-                        "with rig resume.");
+                        " did not answer within 5 s. Nothing was placed. Start rig-sim again.");
     }
     if (why) std::rethrow_exception(why);
     const json said = json::parse(answer, nullptr, false);

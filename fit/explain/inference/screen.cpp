@@ -141,7 +141,16 @@ class Question : Approximation {
     return kind_->choice ? term.values[*kind_->choice] : 0;
   }
   [[nodiscard]] double price_of(const Term& term) const {
-    return choice_of(term) > 0 ? numbers::fits_as_well : 0;
+    return (choice_of(term) > 0 ? numbers::fits_as_well : 0) + price_of_gear(term);
+  }
+  /// Half of what gears make has the longest period, a whole turn, and the other half any other.
+  [[nodiscard]] double price_of_gear(const Term& term) const {
+    const auto gear = kind_->mechanism->parameter_of(Parameter::Scale::gear);
+    if (!gear) return 0;
+    const Parameter& period = kind_->mechanism->parameters[*gear];
+    const auto periods = static_cast<double>(kind_->starts.size());
+    const bool is_longest = term.values[*gear] > 0.999 * period.upper;
+    return std::log(2 * (is_longest ? 1 : periods - 1) / periods);
   }
   /// The best of each choice.
   void keep_modes() {

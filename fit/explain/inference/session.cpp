@@ -210,10 +210,11 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
   pool_variances(reduced_, present_noise_);
   reduction::doubt_wide_beams(reduced_, present_noise_.spread_rad);
   reduction::doubt_other_targets(reduced_, there, at_work);
-  for (const Term& term : at.terms)
-    if (const auto bin = term.kind->bins)
-      reduction::doubt_teeth(reduced_, term.values[*bin], term.values[*bin + 1],
-                             present_noise_.stop_rad2 + std::pow(reduced_.bench.stage_resolution_rad, 2) / 12);
+  for (const Active& active : at_work)
+    if (const auto bin = active.mechanism->parameter_of(Parameter::Scale::bin))
+      reduction::doubt_teeth(
+          reduced_, active.values[*bin], active.values[*bin + 1],
+          present_noise_.stop_rad2 + std::pow(reduced_.bench.stage_resolution_rad, 2) / 12);
   make_channels(present_noise_);
   // Otherwise columns change by less than a screen asks for.
   if (!is_as_noisy || row_counts() != before)

@@ -159,7 +159,7 @@ double inflation_of_squares(const Reduced& reduced) {
 }
 
 double inflation_of_variances(const Reduced& reduced, double worth) {
-  double differences = 0, squares = 0, inverse_freedom = 0, pairs = 0;
+  double differences = 0, squares = 0, inverse_freedom = 0, fourth_powers = 0;
   for (const Group& group : reduced.groups)
     for (std::size_t i = group.first_cell + 1; i < group.last_cell; ++i) {
       const Cell &before = reduced.cells[i - 1], &cell = reduced.cells[i];
@@ -170,12 +170,13 @@ double inflation_of_variances(const Reduced& reduced, double worth) {
       differences += std::pow(before.variance_mm2 - cell.variance_mm2, 2);
       squares += square;
       inverse_freedom += square * (1 / (before.n - 1.0) + 1 / (cell.n - 1.0)) / 2 / worth;
-      pairs += 1;
+      fourth_powers += square * square;
     }
   if (!(squares > 0)) return 1;
   // Of two variances v (1 + e), e^2 = s 2/f: differences are 4 s/f v^2, and squares of means (1 + s/f) v^2.
   const double ratio = differences / squares, scatter = ratio / std::max(1.0, 4 - ratio);
   constexpr double independent = 2.0 / 3;
+  const double pairs = squares * squares / fourth_powers;  // the noisiest cells weigh the most
   return if_certain(scatter * squares / inverse_freedom, independent * pairs);
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "fit/explain/reduction/effect_there.hpp"
 
@@ -69,11 +70,13 @@ PlaceOfEdge place_of_edge(const std::vector<Beside>& beams, double width_deg, do
     std::vector<PlaceOfEdge> places;
     for (double shift = first; shift <= last; shift += by)
       places.push_back({shift, likelihood_of_edge(beams, shift, width_deg)});
-    best.log_likelihood = std::ranges::max(places, {}, &PlaceOfEdge::log_likelihood).log_likelihood;
-    std::erase_if(places,
-                  [&](const PlaceOfEdge& p) { return p.log_likelihood < best.log_likelihood - as_likely; });
-    first = places.front().shift_deg;
-    last = places.back().shift_deg;
+    const auto most = std::ranges::max_element(places, {}, &PlaceOfEdge::log_likelihood);
+    best = *most;
+    const auto is_likely = [&](const PlaceOfEdge& p) {
+      return p.log_likelihood > best.log_likelihood - as_likely;
+    };
+    last = std::prev(std::find_if_not(most, places.end(), is_likely))->shift_deg;
+    first = std::find_if_not(std::make_reverse_iterator(most), places.rend(), is_likely).base()->shift_deg;
   };
   const double coarse = 3 * step;
   look(coarse);
