@@ -209,8 +209,8 @@ awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
   const std::string words = "lidar lost: " + sentence(why) + " The rig is reconnecting.";
   const auto [known, is_new] = losses_.try_emplace(words);
   Loss& loss = known->second;
-  const bool was_told = !is_new && seconds_since(loss.reported_us, parts_.clock) < between_like_losses_s;
-  if (was_told) {
+  const bool was_said = !is_new && seconds_since(loss.reported_us, parts_.clock) < between_like_losses_s;
+  if (was_said) {
     ++loss.unreported;
     session_.add_event(time_.now_us(), "warning", words);
   } else {
@@ -222,7 +222,7 @@ awaitable<void> LidarLink::reconnect(std::exception_ptr why) {
   }
   co_await connect_again(why);
   ++status_.state().reconnects;
-  if (was_told)
+  if (was_said)
     session_.add_event(time_.now_us(), "info", "lidar is back");
   else
     status_.note("info", "lidar is back");
