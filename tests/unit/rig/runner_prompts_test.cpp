@@ -57,6 +57,21 @@ TEST_CASE("beams that a prompt waits for are asked besides the place of its targ
   }
 }
 
+TEST_CASE("beams that a prompt names are judged where it was asked, not where its target is seen later") {
+  Rig rig(
+      "  - prompt: {title: Place it, place: {target: board, at_mm: 1600}, until: {beams_deg: [88, 92], "
+      "within_mm: [900, 1100]}}\n"
+      "  - home\n  - capture: {samples: 5, target: board}\n");
+  rig.world.board_mm = 1600;
+  rig.lidar.tamper = [&](lidar::Scan& scan) {
+    constexpr int at_80_deg = 540 + 320;
+    for (int step = std::max(scan.first_step, at_80_deg); step <= scan.last_step; ++step)
+      scan.range_mm[static_cast<std::size_t>(step - scan.first_step)] = rig.stage.homed ? 2500 : 1000;
+  };
+  CHECK(rig.run());
+  CHECK(rig.captures().size() == 1);
+}
+
 TEST_CASE("an unattended run ends where a target is not in place, without having measured it") {
   Rig placed(
       "  - home\n  - prompt: {title: Place it, place: {target: board, at_mm: 5000}}\n"
