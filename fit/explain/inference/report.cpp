@@ -68,11 +68,28 @@ std::string on_held_out(double gain, bool moves_means) {
                      : "Captures that took no part in the fit do not show it.";
 }
 
+/// Whether none of its sizes is known to differ from zero, though it acts.
+bool is_of_any_size(const Found& found) {
+  bool has_size = false;
+  for (const Parameter& p : found.mechanism->parameters) {
+    const auto size = found.parameters.find(p.name);
+    if (p.role != Parameter::Role::size || size == found.parameters.end()) continue;
+    if (std::abs(size->second.value) > 2 * size->second.u) return false;
+    has_size = true;
+  }
+  return has_size;
+}
+
 void report_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
   Found found = found_of(named.term, findings.reduced);
   found.probability = named.probability;
   found.says = found.mechanism->says(found);
   found.evidence = on_held_out(gain, named.term.kind->moves_means());
+  if (is_of_any_size(found))
+    found.evidence +=
+        " That it acts is surer than how much: other parameters, and what its formula leaves open, make up "
+        "for "
+        "its size.";
   found.log_likelihood_gain = gain;
   found.rms_before_mm = findings.means.before.rms_mm;
   found.rms_after_mm = findings.means.after.rms_mm;
