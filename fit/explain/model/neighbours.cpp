@@ -159,12 +159,13 @@ double inflation_of_squares(const Reduced& reduced) {
 }
 
 double inflation_of_variances(const Reduced& reduced, double worth) {
+  constexpr int handful = 20;  // more show their tails, and what every beam has of its own besides
   double differences = 0, squares = 0, inverse_freedom = 0, fourth_powers = 0;
   for (const Group& group : reduced.groups)
     for (std::size_t i = group.first_cell + 1; i < group.last_cell; ++i) {
       const Cell &before = reduced.cells[i - 1], &cell = reduced.cells[i];
       if (!before.smooth || !cell.smooth || std::min(before.n, cell.n) < 3 ||
-          before.at.target != cell.at.target)
+          std::max(before.n, cell.n) > handful || before.at.target != cell.at.target)
         continue;
       const double square = std::pow((before.variance_mm2 + cell.variance_mm2) / 2, 2);
       differences += std::pow(before.variance_mm2 - cell.variance_mm2, 2);

@@ -28,8 +28,8 @@ struct SectorScatter {
 [[nodiscard]] double inflation_of_squares(const Reduced& reduced);
 
 /// By how much more sample variances of neighbouring beams scatter than those of normal samples do, whose
-/// degrees of freedom are worth so much; 1 unless that is certain. A handful of samples does not show its own
-/// tails, which are far larger than any of its fourth moments (Joanes and Gill 1998).
+/// degrees of freedom are worth so much; 1 unless that is certain. Of cells of 20 samples at most: a handful
+/// does not show its own tails, which are far larger than any of its fourth moments (Joanes and Gill 1998).
 [[nodiscard]] double inflation_of_variances(const Reduced& reduced, double worth);
 
 /// Noise that every beam has by its own, the same in all captures: a random effect of beams.

@@ -46,7 +46,7 @@ TEST_CASE("tails show in how variances of neighbours scatter, however few the sa
   std::mt19937 random(7);
   std::normal_distribution<double> normal(0, 2);
   std::bernoulli_distribution is_wide(0.02);
-  const int samples = GENERATE(4, 8, 40);
+  const int samples = GENERATE(4, 8, 20);
   const auto narrow = [&] { return normal(random); };
   const auto tailed = [&] { return (is_wide(random) ? 3 : 1) * normal(random); };
   CHECK(fit::explain::model::inflation_of_variances(recorded(samples, narrow), 1) == 1);
