@@ -34,4 +34,11 @@ inline nlohmann::json list_of(const nlohmann::json& object, const char* key) {
                                                                                  : nlohmann::json::array();
 }
 
+/// Whether what an explanation (`explanation/1`) does not know is a target that is not where the bench file
+/// has it.
+inline bool is_bench_error(const nlohmann::json& explanation) {
+  return explanation.is_object() && explanation.contains("unknown") &&
+         text_of(explanation["unknown"], "bench_error") == "true";
+}
+
 }  // namespace rig

@@ -158,12 +158,12 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
     freedom += f;
     return true;
   });
+  // Where a mean lies between coarse steps decides its variance.
+  const bool is_uneven = own.variance > 0 || steps.step_mm > 1;
   // Samples with tails say less of their variance, and so do those that remember or share their noise.
   const double of_tails = freedom > 0 ? (kurtosis / freedom - 1) / 2 : 1,
                of_squares = own.variance > 0 ? 1 : model::inflation_of_squares(reduced),
-               // where a mean lies between coarse steps decides its variance
-      of_variances =
-          own.variance > 0 || steps.step_mm > 1 ? 1 : model::inflation_of_variances(reduced, worth),
+               of_variances = is_uneven ? 1 : model::inflation_of_variances(reduced, worth),
                scatter = std::max({1.0, of_tails, of_squares, of_variances});
   for (auto& row : rows) row.n /= scatter;
   return rows;

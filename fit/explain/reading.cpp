@@ -95,17 +95,17 @@ std::string note_on(const Misplaced& misplaced, const Reduced& reduced) {
 /// Captures for which the stage says another angle than it was sent to: one of the two is wrong.
 std::string note_on_readback(const std::vector<CaptureInfo>& captures) {
   constexpr double far_rad = 0.2 * rad_per_deg;  // play and windup are physics, and smaller
-  std::vector<std::string> list;
-  for (const CaptureInfo& capture : captures)
-    if (capture.stage_readback_rad && !is_turning(capture) &&
-        std::abs(wrap_angle(*capture.stage_readback_rad - capture.stage_rad)) > far_rad)
-      list.push_back("capture " + std::to_string(capture.id) + " was sent to " +
-                     rounded(capture.stage_rad * deg_per_rad, 5) + " deg and says " +
-                     rounded(*capture.stage_readback_rad * deg_per_rad, 5) + " deg");
-  if (list.empty()) return {};
-  return "The stage says elsewhere in " + std::to_string(list.size()) +
-         (list.size() == 1 ? " capture: " : " captures: ") + list.front() +
-         (list.size() == 1 ? "." : ", and so on.") +
+  const auto is_elsewhere = [](const CaptureInfo& c) {
+    return c.stage_readback_rad && !is_turning(c) &&
+           std::abs(wrap_angle(*c.stage_readback_rad - c.stage_rad)) > far_rad;
+  };
+  const auto first = std::ranges::find_if(captures, is_elsewhere);
+  if (first == captures.end()) return {};
+  const auto count = std::count_if(first, captures.end(), is_elsewhere);
+  return "The stage says elsewhere in " + std::to_string(count) +
+         (count == 1 ? " capture: capture " : " captures: capture ") + std::to_string(first->id) +
+         " was sent to " + rounded(first->stage_rad * deg_per_rad, 5) + " deg and says " +
+         rounded(*first->stage_readback_rad * deg_per_rad, 5) + " deg" + (count == 1 ? "." : ", and so on.") +
          " Angles as sent were used. Look at the stage's readback, or at what it is homed to.";
 }
 

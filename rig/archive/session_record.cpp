@@ -105,7 +105,7 @@ std::vector<double> numbers_of(const json& object, const char* key) {
 
 void add_unknown(ArchivedExplanation& out, const json& document) {
   const json unknown = document.value("unknown", json());
-  if (!unknown.is_object() || unknown.value("bench_error", false)) return;
+  if (!unknown.is_object() || is_bench_error(document)) return;
   out.unknown_coordinate = clean_at(unknown, "coordinate");
   out.unknown_observable = clean_at(unknown, "observable");
   out.unknown_describes = clean_at(unknown, "describes");

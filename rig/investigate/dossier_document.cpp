@@ -6,6 +6,7 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/mechanism.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig::investigate {
 namespace {
@@ -14,11 +15,6 @@ using nlohmann::json;
 
 std::string in_words(const std::string& id) {
   return id == fit::explain::unknown_physics ? "something outside the catalogue" : id;
-}
-
-/// Whether what was found is a target that is not where the bench file has it.
-bool is_bench_error(const json& explanation) {
-  return explanation.contains("unknown") && explanation["unknown"].value("bench_error", false);
 }
 
 /// Every answer with its probability. Members of a set are equally probable: the sessions do not tell them

@@ -172,11 +172,9 @@ json shown_explanation(const json& explanation) {
       {"undecided", "Something is missing, but this recording cannot decide what."},
       {"unknown-physics", "Something is missing that no mechanism in the catalogue explains."}};
   const auto word = words.find(text_of(explanation, "verdict"));
-  const bool bench_error = explanation.contains("unknown") && explanation["unknown"].is_object() &&
-                           explanation["unknown"].value("bench_error", false);
-  json out = {{"verdict", bench_error           ? "The bench file and the recording do not agree."
-                          : word == words.end() ? text_of(explanation, "verdict")
-                                                : word->second},
+  json out = {{"verdict", is_bench_error(explanation) ? "The bench file and the recording do not agree."
+                          : word == words.end()       ? text_of(explanation, "verdict")
+                                                      : word->second},
               {"mechanisms", json::array()},
               {"undecided", json::array()},
               {"next", text_of(explanation, "next_experiment")}};

@@ -103,8 +103,8 @@ std::string physics_section(const json& found) {
             short_number(number_of(m, "probability")) + "</span></h3>\n<p>" + escaped(text_of(m, "says")) +
             "</p>\n";
   if (found.contains("unknown"))
-    html += std::string(found["unknown"].value("bench_error", false) ? "<h3>Bench file and recording</h3>"
-                                                                     : "<h3>Outside the catalogue</h3>") +
+    html += std::string(is_bench_error(found) ? "<h3>Bench file and recording</h3>"
+                                              : "<h3>Outside the catalogue</h3>") +
             "\n<p>" + escaped(text_of(found["unknown"], "describes")) + ".</p>\n";
   if (html.empty()) return "";
   return "<h2>The physics, in words</h2>\n" + html;

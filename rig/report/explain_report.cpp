@@ -22,10 +22,6 @@ std::string figure_of(double value, int digits = 4) {
   return text;
 }
 
-bool is_bench_error(const json& explanation) {
-  return explanation.contains("unknown") && explanation["unknown"].value("bench_error", false);
-}
-
 std::string verdict_in_words(const json& explanation) {
   const std::string verdict = explanation.at("verdict").get<std::string>();
   if (verdict == "nothing-missing")

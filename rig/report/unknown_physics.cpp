@@ -59,7 +59,7 @@ json unknown_physics(const json& explanation) {
   add_row(rows, "Where", where);
   if (const std::string size = size_along(explanation, coordinate); !size.empty())
     add_row(rows, "Size", size);
-  const bool bench_error = unknown.is_object() && unknown.value("bench_error", false);
+  const bool bench_error = is_bench_error(explanation);
   return {
       {"rows", rows},
       {"heading", bench_error ? "Bench file and recording" : "Unknown physics"},

@@ -212,7 +212,7 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
   reduction::doubt_other_targets(reduced_, there, at_work);
   for (const Active& active : at_work)
     if (const auto bin = active.mechanism->parameter_of(Parameter::Scale::bin))
-      reduction::doubt_teeth(
+      reduction::doubt_bin_edges(
           reduced_, active.values[*bin], active.values[*bin + 1],
           present_noise_.stop_rad2 + std::pow(reduced_.bench.stage_resolution_rad, 2) / 12);
   make_channels(present_noise_);

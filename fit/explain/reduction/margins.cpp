@@ -45,12 +45,12 @@ void doubt_wide_beams(Reduced& reduced, double width_rad) {
   }
 }
 
-void doubt_teeth(Reduced& reduced, double bin_mm, double zero, double stop_rad2) {
+void doubt_bin_edges(Reduced& reduced, double bin_mm, double zero, double stop_rad2) {
   constexpr double reach = 3;  // standard deviations
   for (Cell& cell : reduced.cells) {
     const double counted = cell.at.range_mm / bin_mm + zero, place = counted - std::floor(counted),
                  aside_mm = reach * std::abs(cell.sight.stage_lever()) * std::sqrt(stop_rad2);
-    if (std::abs(place - 0.5) < numbers::doubt_of_tooth + aside_mm / bin_mm)
+    if (std::abs(place - 0.5) < numbers::doubt_of_bin_edge + aside_mm / bin_mm)
       cell.mixed_mm = std::max(cell.mixed_mm, bin_mm / 2);
   }
 }

@@ -50,9 +50,9 @@ inline constexpr double widths_of_beam = 3.5;
 /// over the beam makes of it. How a receiver mixes both no formula says well enough.
 void doubt_wide_beams(Reduced& reduced, double width_rad);
 
-/// Cells where the next tooth of a comb begins: whether a mean is on this side of it or on that, mount and
+/// Cells where the next bin of a comb begins: whether a mean is on this side of it or on that, mount and
 /// targets do not say, nor a stage whose stops scatter by that variance.
-void doubt_teeth(Reduced& reduced, double bin_mm, double zero, double stop_rad2);
+void doubt_bin_edges(Reduced& reduced, double bin_mm, double zero, double stop_rad2);
 
 /// States of cells that count and meet another target there than their own by how much both are apart. They
 /// are seen on their own target's plane, and stay rows of it.

@@ -57,11 +57,11 @@ TEST_CASE("tails show in how variances of neighbours scatter, however few the sa
         Approx(truth).epsilon(0.2));
 }
 
-TEST_CASE("means beside the next tooth of a comb may be half a bin off, others are as they were") {
+TEST_CASE("means beside the next bin of a comb may be half a bin off, others are as they were") {
   Reduced reduced = recorded(8, [] { return 0.0; });
   for (std::size_t i = 0; i < reduced.cells.size(); ++i)
     reduced.cells[i].at.range_mm = 2000 + 0.5 * static_cast<double>(i % 20);
-  fit::explain::reduction::doubt_teeth(reduced, 10, 0, 0);  // teeth end at 2005
+  fit::explain::reduction::doubt_bin_edges(reduced, 10, 0, 0);  // bins end at 2005
   for (const Cell& cell : reduced.cells)
     CHECK(cell.mixed_mm == (std::abs(cell.at.range_mm - 2005) < 0.5 ? 5 : 0));
 }
