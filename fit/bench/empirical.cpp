@@ -127,6 +127,22 @@ void add_empirical(Bench& bench, const EmpiricalFunction& f) {
   bench.document.change([&](json& document) { document["empirical"].push_back(entry); });
 }
 
+void keep_targets(Bench& bench, std::size_t count) {
+  bench.targets.resize(count);
+  const auto is_elsewhere = [&](const std::string& target) {
+    return !target.empty() && !bench.target(target);
+  };
+  std::erase_if(bench.known, [&](const KnownMechanism& known) {
+    const auto target = known.texts.find("target");
+    return target != known.texts.end() && is_elsewhere(target->second);
+  });
+  if (!bench.document.json().contains("empirical")) return;
+  json kept = json::array();
+  for (const json& entry : bench.document.json()["empirical"])
+    if (!is_elsewhere(function_of(entry).target)) kept.push_back(entry);
+  bench.document.change([&](json& document) { document["empirical"] = kept; });
+}
+
 Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
   const NamedCoordinate& along = *named(f.coordinate);
   Mechanism m;

@@ -32,6 +32,8 @@ struct EmpiricalFunction {
 [[nodiscard]] std::vector<EmpiricalFunction> empirical_functions(const Bench& bench);
 /// Adds one to the bench's document.
 void add_empirical(Bench& bench, const EmpiricalFunction& function);
+/// Drops all targets but the first `count`, and what acts on those dropped.
+void keep_targets(Bench& bench, std::size_t count);
 
 /// The same as a mechanism without parameters, to act beside those of the catalogue.
 [[nodiscard]] Mechanism as_mechanism(const EmpiricalFunction& function, const Bench& bench);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/answer/chapters.hpp"
 #include "fit/explain/answer/twin.hpp"
 #include "fit/explain/around/coarse_steps.hpp"
@@ -106,7 +107,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   complete_twin(findings.reduced, findings.means, explanation);
   explanation.predictor = predictor_of(findings.reduced, findings.means, findings.spread);
   explanation.several_places = reading.together().in_several_places();
-  explanation.bench.targets.resize(reading.together().first_scene());
+  keep_targets(explanation.bench, reading.together().first_scene());
   explanation.notes.insert(explanation.notes.begin(), reading.notes().begin(), reading.notes().end());
   return explanation;
 }

@@ -95,15 +95,21 @@ std::vector<Position> positions_of(const EdgeSource& source, bool right, double 
     const fit::EdgeStop* stop = best_smooth_stop(sourced.crossing);
     if (!stop) continue;
     const auto same_place = std::ranges::find_if(positions, [&](const Position& position) {
-      return std::abs(position.point.stage_rad - sourced.crossing.response.edge_rad.value) <
-             5 * fit::rad_per_deg;
+      return position.source->recording == sourced.recording &&
+             std::abs(position.point.stage_rad - sourced.crossing.response.edge_rad.value) <
+                 5 * fit::rad_per_deg;
     });
     if (same_place == positions.end())
       positions.push_back(position_of(sourced, *stop));
     else if (same_place->robust.samples < stop->n)
       *same_place = position_of(sourced, *stop);
   }
-  std::ranges::sort(positions, {}, &Position::capture);
+  const auto order = [&](const Position& position) {
+    const auto is_its = [&](const auto& recording) { return recording.get() == position.source->recording; };
+    return std::pair(std::ranges::find_if(source.recordings, is_its) - source.recordings.begin(),
+                     position.capture);
+  };
+  std::ranges::sort(positions, {}, order);
   return positions;
 }
 

@@ -24,8 +24,8 @@ struct Position {
   const SourcedCrossing* source = nullptr;
 };
 
-/// One position for each place where the stage stood: of crossings by neighbouring beams, the one whose
-/// capture is longest.
+/// One position for each place where the stage stood in a recording: of crossings by neighbouring beams, the
+/// one whose capture is longest.
 std::vector<Position> positions_of(const EdgeSource& source, bool right, double worst_rad);
 
 /// What the devices may do to all positions alike; `lines` names what each effect belongs to.

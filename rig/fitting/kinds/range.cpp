@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -103,7 +104,7 @@ class Range : public Fitting {
       add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
     if (!calibration.distance_table.empty())
       add_families(out["tables"], calibration.distance_table, "Experiment A2, error against distance");
-    if (calibration.joint) add_correction(out, sources, source, points, calibration, selection);
+    if (calibration.joint) add_correction(out, sources, source, points, calibration, how, selection);
     if (!calibration.joint) out["plots"].push_back(points_plot(points, nullptr, false));
     out["tables"].push_back(robust_table(source));
     out["tables"].push_back(selection_table(source));
@@ -206,7 +207,7 @@ class Range : public Fitting {
 
   void add_correction(json& out, const std::vector<FitSource>& sources, const RangeSource& source,
                       const std::vector<fit::RangePoint>& points, fit::RangeCalibration& calibration,
-                      const std::string& selection) const {
+                      const fit::RangeOptions& how, const std::string& selection) const {
     Correction& correction = *calibration.joint;
     describe(correction, sources, source, calibration);
     note_what_is_not_stated(out, correction);
@@ -227,7 +228,7 @@ class Range : public Fitting {
                   .u = correction.common_u_mm});
       budget.publish(out, correction.zero_mm.value);
     }
-    flag_misplaced(out, source, points, correction);
+    flag_misplaced(out, source, points, correction, how);
     if (correction.intensity) out["plots"].push_back(points_plot(points, &correction, true));
     if (correction.range) out["plots"].push_back(points_plot(points, &correction, false));
     out["plots"].push_back(residual_plot(points, correction));
@@ -268,42 +269,56 @@ class Range : public Fitting {
     }
   }
 
-  /// A capture far from the curve through all others: its target stood elsewhere. Of a few captures, which
-  /// bend the curve to themselves, it is told of all of them.
+  /// A capture far from the curve through all others, which it has no part in: its target stood elsewhere.
+  /// Of a few captures, which say little of each other, it is told of all.
   static void flag_misplaced(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
-                             const Correction& correction) {
-    std::vector<double> sizes;
-    double squares = 0, stated_mm = 0;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const fit::RangePoint& p = points[i];
-      sizes.push_back(std::abs(correction.apply(p.measured_mm, p.intensity).range_mm - p.true_mm));
-      squares += sizes[i] * sizes[i];
-      stated_mm = std::max(stated_mm, std::hypot(p.u_mm, source.captures[i].u_placement_mm));
-    }
+                             const Correction& correction, const fit::RangeOptions& how) {
     constexpr double standard_uncertainties = 6, least_reported_mm = 1;
-    if (std::ssize(points) < fit::fewest_that_scatter) {
-      const double rms_mm = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, points.size())));
-      if (rms_mm > standard_uncertainties * stated_mm + least_reported_mm)
-        out["contradictions"].push_back(
-            "the captures lie " + fit::format_fixed(rms_mm, 1) +
-            " mm (RMS) from the best curve through them, though the bench file knows their distances to u "
-            "= " +
-            fit::format_value(stated_mm, stated_mm) +
-            " mm: a target stood elsewhere than stated, or the error follows no such curve. Measure the "
-            "distances again, and add some");
-      return;
-    }
-    std::vector<double> sorted = sizes;
-    std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2));
-    const double spread = 1.4826 * sorted[sorted.size() / 2];
+    constexpr std::size_t most_asked = 40;  // of more points, one no longer bends the curve to itself
+    const auto off_mm = [](const Correction& curve, const fit::RangePoint& p) {
+      return std::abs(curve.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
+    };
+    double squares = 0, stated_mm = 0;
+    std::vector<std::size_t> farthest_first;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const double gate =
-          standard_uncertainties * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) +
-          least_reported_mm;
-      if (sizes[i] > gate)
-        out["contradictions"].push_back(source.captures[i].label + " lies " + fit::format_fixed(sizes[i], 1) +
-                                        " mm from the curve through the others: its target stood elsewhere");
+      squares += std::pow(off_mm(correction, points[i]), 2);
+      stated_mm = std::max(stated_mm, std::hypot(points[i].u_mm, source.captures[i].u_placement_mm));
+      farthest_first.push_back(i);
     }
+    std::ranges::sort(farthest_first, std::greater<>(),
+                      [&](std::size_t i) { return off_mm(correction, points[i]); });
+    if (std::ssize(points) < fit::fewest_that_scatter) farthest_first.clear();
+    if (farthest_first.size() > most_asked) farthest_first.resize(most_asked);
+    double worst = 1, worst_mm = 0;
+    const RangeCapture* misplaced = nullptr;
+    for (const std::size_t i : farthest_first) {
+      const fit::RangePoint& p = points[i];
+      std::vector<fit::RangePoint> others = points;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+      const fit::RangeCalibration without = fit::calibrate_range(std::move(others), how);
+      if (!without.joint || !without.joint->apply(p.measured_mm, p.intensity).inside()) continue;
+      const double u_mm = std::hypot(std::max(without.scatter_intensity_mm, without.scatter_distance_mm),
+                                     std::hypot(without.joint->u(p.measured_mm, p.intensity), p.u_mm,
+                                                source.captures[i].u_placement_mm));
+      const double mm = off_mm(*without.joint, p),
+                   by = mm / (standard_uncertainties * u_mm + least_reported_mm);
+      if (by <= worst) continue;
+      worst = by;
+      worst_mm = mm;
+      misplaced = &source.captures[i];
+    }
+    const double rms_mm = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, points.size())));
+    if (misplaced)
+      out["contradictions"].push_back(misplaced->label + " lies " + fit::format_fixed(worst_mm, 1) +
+                                      " mm from the curve through the others: its target stood elsewhere");
+    else if (rms_mm > standard_uncertainties * stated_mm + least_reported_mm)
+      out["contradictions"].push_back(
+          "the captures lie " + fit::format_fixed(rms_mm, 1) +
+          " mm (RMS) from the best curve through them, though the bench file knows their distances to u "
+          "= " +
+          fit::format_value(stated_mm, stated_mm) +
+          " mm: a target stood elsewhere than stated, or the error follows no such curve. Measure the "
+          "distances again, and add some");
   }
 
   static std::string how_to_use(const Correction& correction, const fit::RangePoint& point) {

@@ -2,9 +2,11 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <span>
 
 #include "../../support/imagined_room.hpp"
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/experiment/next_experiment.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/reduction/reduce.hpp"
@@ -529,6 +531,30 @@ TEST_CASE("sessions whose bench files say other things are explained with a note
   const auto noted = [](const Explanation& e) { return has_note(e, "do not say the same of: mount."); };
   CHECK(noted(explain({&first, &second}, {})));
   CHECK_FALSE(noted(explain({&first, &first}, {})));
+}
+
+TEST_CASE("the twin of several sessions knows nothing of targets that its own scene lacks") {
+  ImaginedRoom room;
+  room.captures = 4;
+  const SyntheticRecording first = room.record();
+  fit::Bench other = first.bench();
+  fit::Target& moved = other.targets.back();
+  const Eigen::Vector2d along = (moved.to_mm - moved.from_mm).normalized(),
+                        aside(40 * along.y(), -40 * along.x());
+  moved.name = "wall of the second";
+  moved.from_mm += aside, moved.to_mm += aside;
+  const SyntheticRecording second = with_bench(other, first, room.scans);
+  const Explanation e = explain({&first, &second}, {});
+  INFO(to_text(e));
+  REQUIRE(names(e) == std::vector<std::string>{"target-offset"});
+  std::set<std::string> scene;
+  for (const fit::Target& target : e.bench.targets) scene.insert(target.name);
+  CHECK_FALSE(scene.contains(moved.name));
+  for (const fit::KnownMechanism& known : e.bench.known)
+    if (const auto target = known.texts.find("target"); target != known.texts.end())
+      CHECK(scene.contains(target->second));
+  for (const fit::EmpiricalFunction& function : fit::empirical_functions(e.bench))
+    CHECK((function.target.empty() || scene.contains(function.target)));
 }
 
 TEST_CASE("sessions of two lidars are not explained together") {
