@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "fit/numeric/angle.hpp"
@@ -269,29 +269,44 @@ class Range : public Fitting {
     }
   }
 
-  /// A capture far from the curve through all others, which it has no part in: its target stood elsewhere.
-  /// Of a few captures, which say little of each other, it is told of all.
-  static void flag_misplaced(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
-                             const Correction& correction, const fit::RangeOptions& how) {
-    constexpr double standard_uncertainties = 6, least_reported_mm = 1;
-    constexpr std::size_t most_asked = 40;  // of more points, one no longer bends the curve to itself
-    const auto off_mm = [](const Correction& curve, const fit::RangePoint& p) {
-      return std::abs(curve.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
-    };
-    double squares = 0, stated_mm = 0;
-    std::vector<std::size_t> farthest_first;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      squares += std::pow(off_mm(correction, points[i]), 2);
-      stated_mm = std::max(stated_mm, std::hypot(points[i].u_mm, source.captures[i].u_placement_mm));
-      farthest_first.push_back(i);
-    }
-    std::ranges::sort(farthest_first, std::greater<>(),
-                      [&](std::size_t i) { return off_mm(correction, points[i]); });
-    if (std::ssize(points) < fit::fewest_that_scatter) farthest_first.clear();
-    if (farthest_first.size() > most_asked) farthest_first.resize(most_asked);
-    double worst = 1, worst_mm = 0;
-    const RangeCapture* misplaced = nullptr;
-    for (const std::size_t i : farthest_first) {
+  static constexpr double far_off = 6,
+                          least_reported_mm = 1;  ///< Standard uncertainties, and mm beside them.
+
+  /// A capture whose target stood elsewhere, and how far it lies from the curve.
+  struct Misplaced {
+    std::size_t capture = 0;
+    double mm = 0;
+  };
+
+  static double off_mm(const Correction& curve, const fit::RangePoint& p) {
+    return std::abs(curve.apply(p.measured_mm, p.intensity).range_mm - p.true_mm);
+  }
+
+  /// Those far from the curve by the scatter of all, which a few of them do not change.
+  static std::vector<Misplaced> far_from_all(const RangeSource& source,
+                                             const std::vector<fit::RangePoint>& points,
+                                             const Correction& curve) {
+    std::vector<double> sizes;
+    for (const fit::RangePoint& p : points) sizes.push_back(off_mm(curve, p));
+    std::vector<double> sorted = sizes;
+    std::ranges::nth_element(sorted, sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2));
+    const double spread = 1.4826 * sorted[sorted.size() / 2];
+    std::vector<Misplaced> list;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (sizes[i] >
+          far_off * std::hypot(spread, points[i].u_mm, source.captures[i].u_placement_mm) + least_reported_mm)
+        list.push_back({i, sizes[i]});
+    return list;
+  }
+
+  /// The one farthest from the curve through the others, which it cannot bend to itself.
+  static std::optional<Misplaced> far_from_others(const RangeSource& source,
+                                                  const std::vector<fit::RangePoint>& points,
+                                                  const fit::RangeOptions& how) {
+    constexpr std::size_t most = 40;  // of more, one hardly bends the curve
+    std::optional<Misplaced> farthest;
+    double beyond = 1;
+    for (std::size_t i = 0; points.size() <= most && i < points.size(); ++i) {
       const fit::RangePoint& p = points[i];
       std::vector<fit::RangePoint> others = points;
       others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
@@ -299,19 +314,37 @@ class Range : public Fitting {
       if (!without.joint || !without.joint->apply(p.measured_mm, p.intensity).inside()) continue;
       const double u_mm = std::hypot(std::max(without.scatter_intensity_mm, without.scatter_distance_mm),
                                      std::hypot(without.joint->u(p.measured_mm, p.intensity), p.u_mm,
-                                                source.captures[i].u_placement_mm));
-      const double mm = off_mm(*without.joint, p),
-                   by = mm / (standard_uncertainties * u_mm + least_reported_mm);
-      if (by <= worst) continue;
-      worst = by;
-      worst_mm = mm;
-      misplaced = &source.captures[i];
+                                                source.captures[i].u_placement_mm)),
+                   mm = off_mm(*without.joint, p), by = mm / (far_off * u_mm + least_reported_mm);
+      if (by <= beyond) continue;
+      beyond = by;
+      farthest = {i, mm};
+    }
+    return farthest;
+  }
+
+  /// Captures far from the curve: their targets stood elsewhere. Where none can be named, as in a few, which
+  /// bend the curve to themselves, it is told of all of them.
+  static void flag_misplaced(json& out, const RangeSource& source, const std::vector<fit::RangePoint>& points,
+                             const Correction& correction, const fit::RangeOptions& how) {
+    std::vector<Misplaced> misplaced;
+    if (std::ssize(points) >= fit::fewest_that_scatter) {
+      misplaced = far_from_all(source, points, correction);
+      if (misplaced.empty())
+        if (const auto one = far_from_others(source, points, how)) misplaced.push_back(*one);
+    }
+    for (const Misplaced& one : misplaced)
+      out["contradictions"].push_back(source.captures[one.capture].label + " lies " +
+                                      fit::format_fixed(one.mm, 1) +
+                                      " mm from the curve through the others: its target stood elsewhere");
+    if (!misplaced.empty()) return;
+    double squares = 0, stated_mm = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      squares += std::pow(off_mm(correction, points[i]), 2);
+      stated_mm = std::max(stated_mm, std::hypot(points[i].u_mm, source.captures[i].u_placement_mm));
     }
     const double rms_mm = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, points.size())));
-    if (misplaced)
-      out["contradictions"].push_back(misplaced->label + " lies " + fit::format_fixed(worst_mm, 1) +
-                                      " mm from the curve through the others: its target stood elsewhere");
-    else if (rms_mm > standard_uncertainties * stated_mm + least_reported_mm)
+    if (rms_mm > far_off * stated_mm + least_reported_mm)
       out["contradictions"].push_back(
           "the captures lie " + fit::format_fixed(rms_mm, 1) +
           " mm (RMS) from the best curve through them, though the bench file knows their distances to u "

@@ -202,9 +202,10 @@ void set_ladder(const std::string& file, const std::vector<double>& stated_mm,
 
 TEST_CASE("a distance that is wrong is told, on the terminal before any figure, though it bends the curve") {
   const TestFolder place;
-  const std::vector<double> few = {500, 700, 1000, 1600, 2000, 3000};
-  const std::vector<double> many = {400, 500, 600, 700, 850, 1000, 1200, 1400, 1600, 2000, 2500, 3000};
-  const std::vector<double>& stated_mm = GENERATE_REF(few, many);
+  const std::vector<double> few = {500, 700, 1000, 1600, 2000, 3000},
+                            many = {400, 500, 600, 700, 850, 1000, 1200, 1400, 1600, 2000, 2500, 3000};
+  const bool of_few = GENERATE(true, false);
+  const std::vector<double>& stated_mm = of_few ? few : many;
   const auto fitted = [&](const std::string& file, double wrong_by_mm) {
     std::vector<double> true_mm = stated_mm;
     true_mm[true_mm.size() - 3] += wrong_by_mm;
@@ -212,9 +213,11 @@ TEST_CASE("a distance that is wrong is told, on the terminal before any figure, 
     const rig::SessionStore session(file, rig::SessionStore::Mode::read);
     return rig::run_fit("range", {{file, &session}}, nlohmann::json::object());
   };
-  const nlohmann::json right = fitted(place / "right.rig", 0), wrong = fitted(place / "wrong.rig", 40);
+  const nlohmann::json right = fitted(place / "right.rig", 0),
+                       wrong = fitted(place / "wrong.rig", of_few ? -100 : 40);
   CHECK(right.value("contradictions", nlohmann::json::array()).empty());
-  CHECK_THAT(wrong.at("contradictions").dump(), Catch::Contains("target stood elsewhere"));
+  CHECK_THAT(wrong.at("contradictions").dump(),
+             Catch::Contains(of_few ? "a target stood elsewhere than stated" : "step 9 lies 39."));
   const std::string text = rig::to_text(wrong);
   CHECK(text.find("DOUBTFUL: ") < text.find("Range error at"));
 }
