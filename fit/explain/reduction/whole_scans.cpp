@@ -159,7 +159,10 @@ class WholeScans {
 
 double weight_in_scan(const Cell& cell, const Group& group, int scans) {
   if (scans < weighted_from_scans) return 1;
-  return std::clamp(group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2), 0.01, 4.0);
+  // In steps of four: finer weights would follow by chance what they weigh. Samples whose deviations happen
+  // to be small have a small variance, and what scans have in common would shrink by 2 / n.
+  const double finely = group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2);
+  return std::clamp(std::pow(4, std::round(std::log(finely) / std::log(4))), 0.01, 4.0);
 }
 
 bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }

@@ -91,6 +91,15 @@ TEST_CASE("two or three faces have no harmonics that could be their amplitude") 
   CHECK(amplitude.u < 0.1 * truth_mm);
 }
 
+TEST_CASE("the amplitude of mirror faces is not weighed by the samples that show it") {
+  const Explanation e = explained({1.8, -1.8}, 5, 0, 60);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  const fit::Estimate amplitude = e.mechanisms.front().parameters.at("amplitude_mm");
+  CHECK(std::abs(amplitude.value - 1.8) < 3 * amplitude.u);
+  CHECK(amplitude.u < 0.015);
+}
+
 TEST_CASE("mirror faces in the only capture before the stage's first move are no vibration") {
   const Explanation e = explained({0.64, -0.64, 0}, 4, 0, 20, true);
   INFO(to_text(e));
