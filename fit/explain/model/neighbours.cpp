@@ -70,8 +70,8 @@ struct Repeats {
   }
   [[nodiscard]] bool is_known() const { return captures >= 4; }
   [[nodiscard]] double mm(const Sector& s) const { return common.mm(per_unit(s)); }
-  /// Of the variance, when it is taken off.
-  [[nodiscard]] double share_left() const { return 1 - 2.0 / captures; }
+  /// Of the sector's variance, when it is taken off.
+  [[nodiscard]] double share_left(const Sector& s) const { return common.share_left(per_unit(s), s.w); }
 };
 
 /// The mean of a ratio, unless it may be 1 by chance.
@@ -116,15 +116,15 @@ std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_sca
       sum.at.approach = s.approach;
       sum.at.since_move_s = s.since_move_s;
     }
+    double share = 0;
     for (std::size_t i = 0; i < scan.sectors.size(); ++i) {
       const Sector& one = scan.sectors[i];
       const Repeats& again = repeats.at(key_of(one));
       const double mm =
           scan.left.rest_mm[static_cast<Eigen::Index>(i)] - (again.is_known() ? again.mm(one) : 0);
       sum.square_mm2 += one.w * mm * mm;
+      share += (again.is_known() ? again.share_left(one) : 1) / static_cast<double>(scan.sectors.size());
     }
-    const Repeats& again = repeats.at(key_of(s));
-    const double share = again.is_known() ? again.share_left() : 1;
     sum.expected_mm2 += share * scan.left.expected_mm2;
     sum.n += share * (1 - 1.0 / group.scans) * scan.left.freedom;
     ++scans_of[group.capture];

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "fit/explain/reduction/whole_scans.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -12,32 +13,40 @@ namespace {
 
 constexpr int sectors_per_scan = 8;
 
+/// The group's variance over that of the cell's samples.
+double precision_of(const Cell& cell, const Group& group) {
+  return group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2);
+}
+
+/// How much a beam counts in a scan, and its variance over the group's.
+struct Weighed {
+  double weight = 0, variance = 1;
+};
+
 /// What the beams of one scan have in common, as far as so many tell: a range, and an angle of the stage.
 class Common {
  public:
-  explicit Common(const WeightedSums& whole) {
+  /// `noise`: covariance of the sums wd and wdv, over the group's variance.
+  Common(const WeightedSums& whole, const Eigen::Matrix2d& noise) {
     const double det = whole.w * whole.wvv - whole.wv * whole.wv;
-    if (whole.w > 8 && det > 1e-6 * whole.w * whole.wvv) {
-      angle_rad_ = (whole.w * whole.wdv - whole.wv * whole.wd) / det;
-      range_mm_ = (whole.wd - angle_rad_ * whole.wv) / whole.w;
-      of_range_ = 1 / whole.w;
-      of_angle_ = whole.w / det;
-      middle_ = whole.wv / whole.w;
-    } else if (whole.w > 3) {
-      range_mm_ = whole.wd / whole.w;
-      of_range_ = 1 / whole.w;
-    }
+    if (whole.w > 8 && det > 1e-6 * whole.w * whole.wvv)
+      solved_ << whole.wvv / det, -whole.wv / det, -whole.wv / det, whole.w / det;
+    else if (whole.w > 3)
+      solved_(0, 0) = 1 / whole.w;
+    range_and_angle_ = solved_ * Eigen::Vector2d(whole.wd, whole.wdv);
+    covariance_ = solved_ * noise * solved_;
   }
-  [[nodiscard]] double mm(double lever) const { return range_mm_ + angle_rad_ * lever; }
-  /// Of the variance of a beam of that weight, when the common part is taken off.
-  [[nodiscard]] double share_left(double weight, double lever) const {
-    const double off = lever - middle_;
-    return 1 - weight * (of_range_ + of_angle_ * off * off);
+  [[nodiscard]] double mm(double lever) const { return range_and_angle_.dot(Eigen::Vector2d(1, lever)); }
+  /// Of a beam's variance, when the common part is taken off.
+  [[nodiscard]] double share_left(const Weighed& beam, double lever) const {
+    const Eigen::Vector2d unit(1, lever);
+    return 1 - 2 * beam.weight * unit.dot(solved_ * unit) + unit.dot(covariance_ * unit) / beam.variance;
   }
 
  private:
-  double range_mm_ = 0, angle_rad_ = 0, middle_ = 0;
-  double of_range_ = 0, of_angle_ = 0;  ///< Variances of range and angle, by those of a beam of weight 1.
+  Eigen::Matrix2d solved_ = Eigen::Matrix2d::Zero();  ///< Range and angle of the sums wd and wdv.
+  Eigen::Vector2d range_and_angle_;
+  Eigen::Matrix2d covariance_;
 };
 
 /// One group's scans, one after the other.
@@ -51,25 +60,28 @@ class WholeScans {
         products_(static_cast<std::size_t>(samples.beams)),
         deviation_(static_cast<std::size_t>(samples.beams)),
         good_(static_cast<std::size_t>(samples.beams)),
-        weight_(static_cast<std::size_t>(samples.beams)) {
-    for (std::size_t beam = 0; beam < weight_.size(); ++beam)
-      if (cell_of_beam_[beam] >= 0) weight_[beam] = weight_in_scan(cell_of(beam), group_, samples_.scans);
+        weighed_(static_cast<std::size_t>(samples.beams)) {
+    for (std::size_t beam = 0; beam < weighed_.size(); ++beam) {
+      if (cell_of_beam_[beam] < 0) continue;
+      const Cell& cell = cell_of(beam);
+      weighed_[beam].weight = weight_in_scan(cell, group_, samples_.scans);
+      if (samples_.scans >= weighted_from_scans) weighed_[beam].variance = 1 / precision_of(cell, group_);
+    }
   }
 
   void add_scan(int scan) {
     constexpr double hardly_any = 0.1;  // is left of a beam's variance
     constexpr int fewest_echoes = 6;    // of fewer, the inverse of a sample variance has no variance
     const std::size_t first_sector = session_.sectors.size();
-    const WeightedSums whole = sum_up(scan);
     // Common range and common angle of the scan are taken off before the memory of single beams is judged.
-    const Common common(whole);
+    const Common common = sum_up(scan);
     std::size_t sector = first_sector;
     double squares = 0, count = 0;
     for (std::size_t beam = 0; beam < deviation_.size(); ++beam) {
       if (!good_[beam]) continue;
       const Cell& cell = cell_of(beam);
-      const double lever = cell.sight.stage_lever(), weight = weight_[beam],
-                   left = common.share_left(weight, lever);
+      const double lever = cell.sight.stage_lever(), weight = weighed_[beam].weight,
+                   left = common.share_left(weighed_[beam], lever);
       deviation_[beam] -= common.mm(lever);
       const double square = deviation_[beam] * deviation_[beam];
       if (cell.n >= fewest_echoes) {
@@ -100,13 +112,13 @@ class WholeScans {
     squares_before_ = freedom > 0 ? std::optional(more) : std::nullopt;
   }
 
-  /// Every beam's deviation from its cell's mean; the sectors of the scan with their sums, and those of the
-  /// whole scan.
-  WeightedSums sum_up(int scan) {
+  /// Every beam's deviation from its cell's mean; the sectors of the scan with their sums.
+  Common sum_up(int scan) {
     std::ranges::fill(deviation_, 0.0);
     std::ranges::fill(good_, 0);
     const std::size_t first_sector = session_.sectors.size();
     WeightedSums whole;
+    Eigen::Matrix2d noise = Eigen::Matrix2d::Zero();
     for (int beam = 0; beam < samples_.beams; ++beam) {
       const auto b = static_cast<std::size_t>(beam);
       if (cell_of_beam_[b] < 0) continue;
@@ -116,14 +128,16 @@ class WholeScans {
       const int number = sector_of(b);
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, static_cast<std::size_t>(cell_of_beam_[b])));
-      const double q = weight_[b], v = cell.sight.stage_lever(), d = range - cell.mean_mm;
+      const double q = weighed_[b].weight, v = cell.sight.stage_lever(), d = range - cell.mean_mm;
       session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
       session_.sectors.back().add(q, v, d);
       whole.add(q, v, d);
+      const Eigen::Vector2d unit(1, v);
+      noise += q * q * weighed_[b].variance * unit * unit.transpose();
       deviation_[b] = d;
       good_[b] = 1;
     }
-    return whole;
+    return {whole, noise};
   }
 
   [[nodiscard]] int sector_of(std::size_t beam) const { return static_cast<int>(beam) / beams_per_sector_; }
@@ -151,7 +165,7 @@ class WholeScans {
   LagProducts products_;
   std::vector<double> deviation_;  ///< Of every beam in the present scan, mm.
   std::vector<char> good_;         ///< Whether it has one.
-  std::vector<double> weight_;     ///< Of every beam, the same in all scans.
+  std::vector<Weighed> weighed_;   ///< Every beam, the same in all scans.
   std::optional<double> squares_before_;
 };
 
@@ -161,8 +175,7 @@ double weight_in_scan(const Cell& cell, const Group& group, int scans) {
   if (scans < weighted_from_scans) return 1;
   // In steps of four: finer weights would follow by chance what they weigh. Samples whose deviations happen
   // to be small have a small variance, and what scans have in common would shrink by 2 / n.
-  const double finely = group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2);
-  return std::clamp(std::pow(4, std::round(std::log(finely) / std::log(4))), 0.01, 4.0);
+  return std::clamp(std::pow(4, std::round(std::log(precision_of(cell, group)) / std::log(4))), 0.01, 4.0);
 }
 
 bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }
