@@ -23,7 +23,10 @@ void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector
       cell.at.target = reduced.same_as[static_cast<std::size_t>(sight.target)];
       if (cell.beside == 0 || edge->near_target < 0 || edge->far_target < 0) continue;
       const auto there_mm = [&](int target) {
-        return scene.look_at(target, group.stage_rad, cell.beam_rad, effect).range_mm + effect.range_mm;
+        const Sight on = scene.look_at(target, group.stage_rad, cell.beam_rad, effect);
+        Circumstances at = cell.at;
+        if (on.target >= 0) scene.describe(on, edges, at);
+        return on.range_mm + effect_there(reduced, at_work, at).range_mm;
       };
       const std::span samples(reduced.beside.data() + cell.first_beside,
                               static_cast<std::size_t>(cell.beside));
