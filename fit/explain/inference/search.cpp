@@ -205,11 +205,12 @@ class Climber {
     bool better = false;
     for (std::size_t t = 0; t < whole.terms.size(); ++t) {
       const Hypothesis shorter = without(whole, t);
-      const auto list = best_of(screened(shorter, whole.terms[t].kind), tries, forms(tries / 2));
+      const auto all = screened(shorter, whole.terms[t].kind);
+      const auto list = best_of(all, tries, forms(tries / 2));
       const Hypothesis less = visited_.at(shorter.kinds());
       const double worth = whole.log_evidence - less.log_evidence;
       better = take_if_better(fit_each(less, list)) || better;
-      better = exchange_for_two(less, list, *whole.terms[t].kind, worth) || better;
+      better = exchange_for_two(less, all, *whole.terms[t].kind, worth) || better;
     }
     return better;
   }
@@ -221,11 +222,14 @@ class Climber {
     constexpr double good_part = 0.5;
     if (less.terms.size() + 2 > numbers::most_terms) return false;
     bool better = false;
-    std::size_t asked = 0;
+    std::vector<const Kind*> asked;
     for (const Candidate& candidate : list) {
-      if (asked == most) break;
-      if (candidate.term.kind->is_form() || candidate.log_evidence < good_part * worth) continue;
-      ++asked;
+      if (asked.size() == most) break;
+      const Kind& kind = *candidate.term.kind;
+      if (kind.is_form() || candidate.log_evidence < good_part * worth ||
+          std::ranges::any_of(asked, [&](const Kind* one) { return one->is_same_cause(kind); }))
+        continue;
+      asked.push_back(&kind);
       const Hypothesis first = with_term(less, candidate.term);
       const auto more = best_of(screened(first, &instead_of), most, forms(1));
       better = take_if_better(fit_each(visited_.at(first.kinds()), more)) || better;
