@@ -59,7 +59,7 @@ class Climber {
   void climb() {
     constexpr int most_moves = 12;
     for (int move = 0; move < most_moves; ++move)
-      if (!add() && !drop() && !exchange() && !take_better_visited()) return;
+      if (!add() && !drop() && !exchange() && !take_better_visited() && !drop_of_others()) return;
   }
 
   /// One term is added, if any improves.
@@ -190,13 +190,26 @@ class Climber {
   }
 
   bool drop() {
-    if (best_.hypothesis.terms.size() < 2) return false;
     std::vector<Hypothesis> list;
-    for (std::size_t t = 0; t < best_.hypothesis.terms.size(); ++t) {
-      Hypothesis less = without(best_.hypothesis, t);
+    add_shorter(best_.hypothesis, list);
+    return take_if_better(fit_all(list));
+  }
+
+  /// What was exchanged may have made another term needless.
+  bool drop_of_others() {
+    std::vector<Hypothesis> list;
+    for (const auto& [kinds, h] : visited_)
+      if (h.log_posterior() > best_.hypothesis.log_posterior() - numbers::fits_as_well) add_shorter(h, list);
+    return take_if_better(fit_all(list));
+  }
+
+  /// Without each of its terms, but those that are known.
+  void add_shorter(const Hypothesis& h, std::vector<Hypothesis>& list) const {
+    if (h.terms.size() < 2) return;
+    for (std::size_t t = 0; t < h.terms.size(); ++t) {
+      Hypothesis less = without(h, t);
       if (!visited_.contains(less.kinds())) list.push_back(std::move(less));
     }
-    return take_if_better(fit_all(list));
   }
 
   bool exchange() {
