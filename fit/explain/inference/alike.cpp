@@ -158,16 +158,20 @@ std::vector<Term> two_instead(const Hypothesis& other, const Hypothesis& best, c
   return more;
 }
 
-/// Pairs of mechanisms that do together what a term of the best hypothesis does, as well as the recording
-/// tells: that one name is likelier than two is all that is against them.
+/// Pairs of mechanisms, one of which may be what looks like a term of the best hypothesis, that do together
+/// what it does, as well as the recording tells: that one name is likelier than two is all that is against
+/// them.
 std::vector<Member> pairs_of(const Session& session, const Explored& explored, Without& without_each,
                              const Term& term, double probability) {
   const Hypothesis& best = explored.best.hypothesis;
   std::vector<Member> members;
   if (!best.has(*term.kind)) return members;
+  MayBe may_be(session, *term.kind->mechanism);
   for (const auto& [kinds, visited] : explored.visited) {
     const double log_odds = visited.log_posterior() - best.log_posterior();
-    if (log_odds < -numbers::window || two_instead(visited, best, *term.kind).empty()) continue;
+    if (log_odds < -numbers::window) continue;
+    const std::vector<Term> two = two_instead(visited, best, *term.kind);
+    if (std::ranges::none_of(two, [&](const Term& one) { return may_be(*one.kind->mechanism); })) continue;
     const Fitted fitted = fit(session, visited);
     if (!fits_as_well(fitted, explored.best, without_each(term.kind), *term.kind->mechanism)) continue;
     for (const Term& one : two_instead(fitted.hypothesis, best, *term.kind))
