@@ -27,13 +27,13 @@ class Blends final : public model::Counts {
   }
 
  protected:
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
+  [[nodiscard]] double log_likelihood(Eigen::Index row, double eta) const override {
     return Counts::log_likelihood(row, std::min(eta, blended_));
   }
-  [[nodiscard]] double score(const Row& row, double eta) const override {
+  [[nodiscard]] double score(Eigen::Index row, double eta) const override {
     return eta < blended_ ? Counts::score(row, eta) : 0;
   }
-  [[nodiscard]] double information(const Row& row, double eta) const override {
+  [[nodiscard]] double information(Eigen::Index row, double eta) const override {
     constexpr double hardly_any = 1e-9;
     return eta < blended_ ? Counts::information(row, eta) : hardly_any;
   }

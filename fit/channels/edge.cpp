@@ -50,7 +50,8 @@ class Edges final : public model::WidthRows {
             effect.beam_angle_variance_rad2) *
            deg_per_rad * deg_per_rad;
   }
-  [[nodiscard]] SpreadCurve picture(const Eigen::VectorXd& before, const Eigen::VectorXd& after) const {
+  [[nodiscard]] std::optional<SpreadCurve> picture(const Eigen::VectorXd& before,
+                                                   const Eigen::VectorXd& after) const override {
     return model::shares_along(list_, possible(before), possible(after));
   }
 
@@ -70,10 +71,6 @@ model::ChannelKind make_edge() {
     std::vector<Transition> list = model::transitions(reduced);
     if (list.empty()) return nullptr;
     return std::make_unique<Edges>(std::move(list), times_of(reduced));
-  };
-  kind.picture = [](const model::ChannelRows& rows, const Eigen::VectorXd& before,
-                    const Eigen::VectorXd& after) {
-    return static_cast<const Edges&>(rows).picture(before, after);
   };
   return kind;
 }

@@ -15,28 +15,25 @@ using Eigen::Index;
 class Fine final : public model::NormalRows {
  public:
   Fine(const Reduced& reduced, const std::vector<std::vector<const Cell*>>& runs, const MeanNoise& noise) {
-    std::vector<double> weight;
+    std::vector<double> weight, off;
+    std::vector<Row> rows;
     for (const auto& run : runs) {
       std::vector<Index>& block = means_.blocks.emplace_back();
       for (const Cell* cell : run) {
-        block.push_back(rows());
-        at_.push_back(cell->at);
-        capture_.push_back(reduced.group_of(*cell).capture);
-        off_.push_back(cell->mean_mm - cell->nominal_mm);
+        block.push_back(std::ssize(rows));
+        off.push_back(cell->mean_mm - cell->nominal_mm);
+        rows.push_back({cell->at, reduced.group_of(*cell).capture, off.back()});
         weight.push_back(1 / std::sqrt(variance_of_mean(*cell, noise)));
       }
     }
-    means_.weight = Eigen::Map<const Eigen::VectorXd>(weight.data(), rows());
-    nuisances().columns.resize(rows(), 0);
-    white_ = whitened(Eigen::Map<const Eigen::VectorXd>(off_.data(), rows()), {});
+    const Index count = std::ssize(rows);
+    set_rows(std::move(rows));
+    means_.weight = Eigen::Map<const Eigen::VectorXd>(weight.data(), count);
+    white_ = whitened(Eigen::Map<const Eigen::VectorXd>(off.data(), count), {});
   }
 
-  [[nodiscard]] Index rows() const override { return std::ssize(at_); }
-  [[nodiscard]] const Circumstances& at(Index row) const override { return at_[place(row)]; }
-  [[nodiscard]] int capture(Index row) const override { return capture_[place(row)]; }
   [[nodiscard]] double response(Index, const Effect& effect) const override { return effect.range_mm; }
   [[nodiscard]] bool sees_only_combs() const override { return true; }
-  [[nodiscard]] double statistic(Index row) const override { return off_[place(row)]; }
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     means_.whiten(columns);
     return columns;
@@ -49,11 +46,6 @@ class Fine final : public model::NormalRows {
   }
 
  private:
-  static std::size_t place(Index row) { return static_cast<std::size_t>(row); }
-
-  std::vector<Circumstances> at_;
-  std::vector<int> capture_;
-  std::vector<double> off_;
   model::BlockMeans means_;  ///< Of the rows of the means.
   Eigen::VectorXd white_;
 };

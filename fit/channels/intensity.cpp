@@ -49,10 +49,12 @@ MatrixXd bells(const VectorXd& x, double length) {
 class Echoes final : public model::NormalRows {
  public:
   Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
-    off_ = column([](const Reading& r) { return r.off; });
+    std::vector<Row> rows_of_readings;
+    for (const Reading& r : readings_) rows_of_readings.push_back({r.at, r.capture, r.off});
+    set_rows(std::move(rows_of_readings));
     weight_ = column([](const Reading& r) { return 1 / r.sigma; });
     std::map<std::pair<int, int>, std::vector<Index>> blocks;
-    for (Index i = 0; i < rows(); ++i) blocks[{of(i).capture, of(i).surface}].push_back(i);
+    for (Index i = 0; i < rows(); ++i) blocks[{reading(i).capture, reading(i).surface}].push_back(i);
     double log_scale = (weight_.array() / std::sqrt(2 * pi)).log().sum();
     for (auto& [block, list] : blocks) {
       blocks_.push_back(block_of(std::move(list)));
@@ -69,19 +71,14 @@ class Echoes final : public model::NormalRows {
     add_open_forms(claim);
   }
 
-  [[nodiscard]] Index rows() const override { return static_cast<Index>(readings_.size()); }
-  [[nodiscard]] const Circumstances& at(Index row) const override { return of(row).at; }
-  [[nodiscard]] int capture(Index row) const override { return of(row).capture; }
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
-    return of(row).per_echo * effect.log_echo + effect.log_intensity;
+    return reading(row).per_echo * effect.log_echo + effect.log_intensity;
   }
-  [[nodiscard]] double statistic(Index row) const override { return of(row).off; }
   [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
-    const VectorXd off = off_ - eta;
     VectorXd logs(rows());
     for (Index i = 0; i < rows(); ++i) {
-      const double u = std::hypot(of(i).sigma, capture_doubt);
-      logs[i] = -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow(off[i] / u, 2);
+      const double u = std::hypot(reading(i).sigma, capture_doubt);
+      logs[i] = -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow((statistic(i) - eta[i]) / u, 2);
     }
     return logs;
   }
@@ -97,6 +94,15 @@ class Echoes final : public model::NormalRows {
     return columns;
   }
   [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
+  [[nodiscard]] std::string note(const VectorXd& before, const VectorXd& after) const override {
+    const auto rms = [&](const VectorXd& eta) {
+      double sum = 0;
+      for (Index i = 0; i < rows(); ++i) sum += std::pow(statistic(i) - eta[i], 2);
+      return rounded(100 * std::sqrt(sum / static_cast<double>(rows())), 2) + " %";
+    };
+    return "Intensities are compared with the bench's radiometry, which they leave by " + rms(before) +
+           " where nothing is missing, and by " + rms(after) + " with what was found.";
+  }
 
  private:
   /// Readings of one surface in one capture.
@@ -111,7 +117,7 @@ class Echoes final : public model::NormalRows {
     const double square = capture_doubt * capture_doubt, shared = square * sum;
     return {std::move(rows), shared, (1 - 1 / std::sqrt(1 + shared)) * square / shared};
   }
-  [[nodiscard]] const Reading& of(Index row) const { return readings_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] const Reading& reading(Index row) const { return readings_[static_cast<std::size_t>(row)]; }
 
   static double slope(const L& law, int k, const Circumstances& at) {
     constexpr double h = 0.01;
@@ -125,11 +131,11 @@ class Echoes final : public model::NormalRows {
 
   [[nodiscard]] VectorXd column(const std::function<double(const Reading&)>& of_reading) const {
     VectorXd values(rows());
-    for (Index i = 0; i < rows(); ++i) values[i] = of_reading(of(i));
+    for (Index i = 0; i < rows(); ++i) values[i] = of_reading(reading(i));
     return values;
   }
   void add(const MatrixXd& columns, double sigma) {
-    nuisances().append(columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma)));
+    append_to_base(columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma)));
   }
   void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
     add(MatrixXd(column(of_reading)), sigma);
@@ -159,7 +165,7 @@ class Echoes final : public model::NormalRows {
   }
 
   std::vector<Reading> readings_;
-  VectorXd off_, weight_;
+  VectorXd weight_;
   std::vector<Block> blocks_;
 };
 
@@ -171,8 +177,6 @@ void take_gain(const Reduced& reduced, IntensityClaim& claim) {
   for (const Reading& r : readings) sum += r.off;
   if (!readings.empty()) claim.law.value[L::gain] += sum / static_cast<double>(readings.size());
 }
-
-std::string in_per_cent(double share) { return rounded(100 * share, 2) + " %"; }
 
 }  // namespace
 
@@ -203,16 +207,6 @@ model::ChannelKind make_intensity() {
     }
     const double noise = model::sample_noise(reduced);
     state_intensity(bench, claim.law, u, noise > 0 ? std::optional(noise) : claim.relative_noise);
-  };
-  kind.note = [](const model::ChannelRows& rows, const VectorXd& before, const VectorXd& after) {
-    const auto rms = [&](const VectorXd& eta) {
-      double sum = 0;
-      for (Index i = 0; i < rows.rows(); ++i) sum += std::pow(rows.statistic(i) - eta[i], 2);
-      return std::sqrt(sum / std::max<double>(1, static_cast<double>(rows.rows())));
-    };
-    return "Intensities are compared with the bench's radiometry, which they leave by " +
-           in_per_cent(rms(before)) + " where nothing is missing, and by " + in_per_cent(rms(after)) +
-           " with what was found.";
   };
   return kind;
 }

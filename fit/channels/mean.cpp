@@ -61,17 +61,19 @@ class Means final : public model::NormalRows {
     }
     first_range_.push_back(ranges_mm_.size());
     log_weights_.resize(model_.rows());
-    for (Index i = 0; i < model_.rows(); ++i)
+    std::vector<Row> rows;
+    for (Index i = 0; i < model_.rows(); ++i) {
       log_weights_[i] = -std::log(std::sqrt(2 * pi * model_.variance_of_mean(i)));
-    nuisances() = base_columns(model_, Hypothesis(own_.bench)).all;
-    nuisances().append(of_uneven_surfaces(model_));
+      rows.push_back({model_.cell(i).at, model_.group(i).capture, model_.raw_residual()[i]});
+    }
+    set_rows(std::move(rows));
+    Columns base = base_columns(model_, Hypothesis(own_.bench)).all;
+    base.append(of_uneven_surfaces(model_));
+    set_base(std::move(base));
     add_rough_surfaces();
     set_log_scale(log_weights_.sum());
   }
 
-  [[nodiscard]] Index rows() const override { return model_.rows(); }
-  [[nodiscard]] const Circumstances& at(Index row) const override { return model_.cell(row).at; }
-  [[nodiscard]] int capture(Index row) const override { return model_.group(row).capture; }
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     const double mm = model_.shift(row, effect);
     return std::isfinite(mm) ? mm : 0;
@@ -80,7 +82,6 @@ class Means final : public model::NormalRows {
     const auto i = static_cast<std::size_t>(row);
     return {ranges_mm_.data() + first_range_[i], first_range_[i + 1] - first_range_[i]};
   }
-  [[nodiscard]] double statistic(Index row) const override { return model_.raw_residual()[row]; }
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     return log_weights_ - 0.5 * white_residual(eta).cwiseAbs2();
   }
@@ -95,10 +96,9 @@ class Means final : public model::NormalRows {
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override {
     return whitened(model_.raw_residual() - eta, {});
   }
-  /// `eta`: all that is known.
-  [[nodiscard]] std::string note(const Eigen::VectorXd& eta) const {
+  [[nodiscard]] std::string note(const Eigen::VectorXd&, const Eigen::VectorXd& after) const override {
     if (!rough_) return {};
-    const std::map<int, double> odd = surfaces_beside(eta).odd;
+    const std::map<int, double> odd = surfaces_beside(after).odd;
     std::string list;
     for (const auto& [target, step_mm] : rough_->steps_mm())
       if (step_mm >= numbers::rough_within * numbers::rough_mm && !odd.contains(target))
@@ -109,7 +109,7 @@ class Means final : public model::NormalRows {
            " (standard deviation). What is smaller on one target is told from its shape only where others "
            "show it as well.";
   }
-  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd& eta) const {
+  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd& eta) const override {
     std::vector<Unexplained> list;
     if (!rough_) return list;
     const model::LikeliestSurfaces beside = surfaces_beside(eta);
@@ -173,12 +173,6 @@ model::ChannelKind make_mean() {
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
     if (reduced.smooth_cells() == 0) return nullptr;
     return std::make_unique<Means>(reduced, noise);
-  };
-  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd& after) {
-    return static_cast<const Means&>(rows).note(after);
-  };
-  kind.strained = [](const model::ChannelRows& rows, const Eigen::VectorXd& eta) {
-    return static_cast<const Means&>(rows).strained(eta);
   };
   return kind;
 }

@@ -32,22 +32,21 @@ struct Block {
 class Memory final : public model::NormalRows {
  public:
   explicit Memory(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
+    const Circumstances anywhere{.time_s = std::numeric_limits<double>::quiet_NaN()};
+    std::vector<Row> rows;
     for (std::size_t b = 0; b < blocks_.size(); ++b)
-      for (std::size_t k = 0; k < blocks_[b].bands.size(); ++k) rows_.push_back({b, k});
-    nuisances().columns.resize(rows(), 0);
+      for (std::size_t k = 0; k < blocks_[b].bands.size(); ++k) {
+        places_.push_back({b, blocks_[b].bands[k]});
+        rows.push_back({anywhere, blocks_[b].capture, blocks_[b].value[static_cast<Index>(k)]});
+      }
+    set_rows(std::move(rows));
   }
 
-  [[nodiscard]] Index rows() const override { return static_cast<Index>(rows_.size()); }
-  [[nodiscard]] const Circumstances& at(Index) const override { return anywhere_; }
-  [[nodiscard]] int capture(Index row) const override { return block(row).capture; }
-  [[nodiscard]] double statistic(Index row) const override {
-    return block(row).value[static_cast<Index>(place(row).band)];
-  }
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     if (!(effect.memory_share > 0) || !(effect.memory_rho > 0)) return 0;
-    const std::size_t band = block(row).bands[place(row).band];
-    const LagSums with = model::lagged_of(block(row).scans, effect.memory_rho),
-                  white = model::lagged_of(block(row).scans, 0);
+    const auto [block, band] = places_[static_cast<std::size_t>(row)];
+    const LagSums with = model::lagged_of(blocks_[block].scans, effect.memory_rho),
+                  white = model::lagged_of(blocks_[block].scans, 0);
     const auto mixed = [&](std::size_t b) {
       return effect.memory_share * with[b] + (1 - effect.memory_share) * white[b];
     };
@@ -67,12 +66,9 @@ class Memory final : public model::NormalRows {
   struct Place {
     std::size_t block, band;
   };
-  [[nodiscard]] const Place& place(Index row) const { return rows_[static_cast<std::size_t>(row)]; }
-  [[nodiscard]] const Block& block(Index row) const { return blocks_[place(row).block]; }
 
   std::vector<Block> blocks_;
-  std::vector<Place> rows_;
-  Circumstances anywhere_{.time_s = std::numeric_limits<double>::quiet_NaN()};
+  std::vector<Place> places_;
 };
 
 std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduced) {

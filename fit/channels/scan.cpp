@@ -29,7 +29,9 @@ class Scans final : public model::NormalRows {
  public:
   Scans(std::vector<ScanPart> parts, const Scatter& scatter, const Reduced& reduced)
       : parts_(std::move(parts)) {
-    nuisances().columns.resize(rows(), 0);
+    std::vector<Row> rows_of_parts;
+    for (const ScanPart& p : parts_) rows_of_parts.push_back({p.at, p.capture, p.mm});
+    set_rows(std::move(rows_of_parts));
     if (reduced.wave_hz) expect_wave(*reduced.wave_hz, true);
     if (reduced.vibration_hz) expect_wave(*reduced.vibration_hz, false);
     means_.weight.resize(rows());
@@ -48,14 +50,10 @@ class Scans final : public model::NormalRows {
     if (range_mm > 0 || angle_rad > 0) share_errors(range_mm, angle_rad);
   }
 
-  [[nodiscard]] Index rows() const override { return static_cast<Index>(parts_.size()); }
-  [[nodiscard]] const Circumstances& at(Index row) const override { return part(row).at; }
-  [[nodiscard]] int capture(Index row) const override { return part(row).capture; }
   [[nodiscard]] bool sees(Coordinate coordinate) const override { return coordinate == Coordinate::scan_seq; }
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
     return (part(row).of_angle ? 0 : effect.range_mm) + part(row).lever_mm * effect.stage_rad;
   }
-  [[nodiscard]] double statistic(Index row) const override { return part(row).mm; }
   /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
     means_.whiten(columns);
@@ -83,7 +81,7 @@ class Scans final : public model::NormalRows {
       const Eigen::RowVector2d wave(std::cos(turn), std::sin(turn));
       waves.row(i).segment<4>(4 * of_group.at(part(i).group)) << of_range * wave, of_angle * wave;
     }
-    nuisances().append(waves, Prior::around_zero(waves.cols(), numbers::form_mm));
+    append_to_base(waves, Prior::around_zero(waves.cols(), numbers::form_mm));
   }
   /// All parts of a scan, one after the other, share them.
   void share_errors(double range_mm, double angle_rad) {

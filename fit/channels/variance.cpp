@@ -104,7 +104,7 @@ class Variances final : public model::GammaRows {
            of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
   [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
-  [[nodiscard]] std::string note() const {
+  [[nodiscard]] std::string note(const Eigen::VectorXd&, const Eigen::VectorXd&) const override {
     if (own_.variance == 0) return {};
     return "Every beam has noise of its own: its variance differs from that of its neighbours by " +
            rounded(100 * std::sqrt(own_.variance), 2) +
@@ -112,7 +112,7 @@ class Variances final : public model::GammaRows {
            "else only beyond that.";
   }
 
-  [[nodiscard]] std::vector<Unexplained> strained() const {
+  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd&) const override {
     std::vector<Unexplained> list;
     add_if_odd(std::abs(shape_.skewness.value), shape_.skewness.u,
                "samples scatter farther to the " + std::string(shape_.skewness.value > 0 ? "long" : "short") +
@@ -183,12 +183,6 @@ model::ChannelKind make_variance() {
     auto rows = variance_rows(reduced, noise, own);
     if (rows.size() < 3) return nullptr;
     return std::make_unique<Variances>(std::move(rows), own, shape_of_noise(reduced, noise), reduced.bench);
-  };
-  kind.strained = [](const model::ChannelRows& rows, const Eigen::VectorXd&) {
-    return static_cast<const Variances&>(rows).strained();
-  };
-  kind.note = [](const model::ChannelRows& rows, const Eigen::VectorXd&, const Eigen::VectorXd&) {
-    return static_cast<const Variances&>(rows).note();
   };
   return kind;
 }

@@ -102,11 +102,11 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
     const ChannelRows& rows = *session.channels()[c];
     const model::ChannelKind& channel = model::channel_kinds()[c];
     const View view(what, rows, channel);
-    if (!drawn.insert({c, channel.picture ? Coordinate::beam : view.coordinate}).second) return;
     const Eigen::VectorXd &before = nothing.optimum.eta[c], &after = best.optimum.eta[c];
-    SpreadCurve curve =
-        channel.picture ? channel.picture(rows, before, after) : curve_in(view, rows, channel, before, after);
-    if (curve.at.size() > 1) curves.push_back(std::move(curve));
+    std::optional<SpreadCurve> curve = rows.picture(before, after);
+    if (!drawn.insert({c, curve ? Coordinate::beam : view.coordinate}).second) return;
+    if (!curve) curve = curve_in(view, rows, channel, before, after);
+    if (curve->at.size() > 1) curves.push_back(std::move(*curve));
   };
   for (const Term* term : found)
     for (std::size_t c = 0; c < session.channels().size(); ++c)

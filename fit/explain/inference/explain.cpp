@@ -132,12 +132,11 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
     const auto& rows = session.channels()[c];
     const model::ChannelKind& channel = model::channel_kinds()[c];
     if (!rows) continue;
-    if (channel.note)
-      if (std::string note = channel.note(*rows, nothing.optimum.eta[c], best.optimum.eta[c]); !note.empty())
-        out.notes.push_back(std::move(note));
-    if (channel.strained)
-      std::ranges::copy_if(channel.strained(*rows, best.optimum.eta[c]), std::back_inserter(out.beside),
-                           [&](const Unexplained& u) { return u.gain > left; });
+    const Eigen::VectorXd& eta = best.optimum.eta[c];
+    if (std::string note = rows->note(nothing.optimum.eta[c], eta); !note.empty())
+      out.notes.push_back(std::move(note));
+    std::ranges::copy_if(rows->strained(eta), std::back_inserter(out.beside),
+                         [&](const Unexplained& u) { return u.gain > left; });
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
   out.tables = tables_of(session, best, out.posterior);

@@ -32,20 +32,20 @@ Eigen::VectorXd NormalRows::white_residual(const Eigen::VectorXd& eta) const {
 
 Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) const {
   Eigen::VectorXd list(rows());
-  for (Index i = 0; i < rows(); ++i) list[i] = log_likelihood(of(i), eta[i]);
+  for (Index i = 0; i < rows(); ++i) list[i] = log_likelihood(i, eta[i]);
   return list;
 }
 
 Eigen::MatrixXd IndependentRows::whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const {
   Eigen::VectorXd root(rows());
-  for (Index i = 0; i < rows(); ++i) root[i] = std::sqrt(information(of(i), eta[i]));
+  for (Index i = 0; i < rows(); ++i) root[i] = std::sqrt(information(i, eta[i]));
   for (Index k = 0; k < columns.cols(); ++k) columns.col(k).array() *= root.array();
   return columns;
 }
 
 Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) const {
   Eigen::VectorXd list(rows());
-  for (Index i = 0; i < rows(); ++i) list[i] = score(of(i), eta[i]) / std::sqrt(information(of(i), eta[i]));
+  for (Index i = 0; i < rows(); ++i) list[i] = score(i, eta[i]) / std::sqrt(information(i, eta[i]));
   return list;
 }
 

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -45,19 +46,32 @@ class Rows {
 /// and terms.
 class ChannelRows : public Rows {
  public:
+  struct Row {
+    Circumstances at;
+    int capture = 0;
+    double y = 0;  ///< The statistic: a mean, a variance, or a count.
+    Draws draws = {};
+    double lever2 = 0;    ///< Mean square of d range / d beam angle, (mm/rad)^2.
+    double n = 0;         ///< Degrees of freedom, or samples.
+    double expected = 0;  ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise
+                          ///< beside them, mm.
+  };
+
+  [[nodiscard]] Eigen::Index rows() const final { return std::ssize(rows_); }
+  [[nodiscard]] const Circumstances& at(Eigen::Index row) const final { return of(row).at; }
   /// Of which capture the row's samples are.
-  [[nodiscard]] virtual int capture(Eigen::Index row) const = 0;
+  [[nodiscard]] int capture(Eigen::Index row) const { return of(row).capture; }
   /// Whether what changes along that coordinate is for these rows: from scan to scan, or from cell to cell.
   [[nodiscard]] virtual bool sees(Coordinate coordinate) const { return coordinate != Coordinate::scan_seq; }
   /// Whether nothing but a comb of ranges changes as finely as these rows tell.
   [[nodiscard]] virtual bool sees_only_combs() const { return false; }
   /// Nuisances that every hypothesis has.
-  [[nodiscard]] virtual const Columns& base() const = 0;
+  [[nodiscard]] const Columns& base() const { return base_; }
   /// Of the predictor where all coefficients are zero.
   [[nodiscard]] virtual double offset(Eigen::Index row) const = 0;
 
   /// The statistic itself ...
-  [[nodiscard]] virtual double statistic(Eigen::Index row) const = 0;
+  [[nodiscard]] double statistic(Eigen::Index row) const { return of(row).y; }
   /// ... in the unit of the predictor.
   [[nodiscard]] virtual double seen(Eigen::Index row) const { return statistic(row); }
   [[nodiscard]] virtual double log_likelihood(const Eigen::VectorXd& eta) const = 0;
@@ -90,12 +104,35 @@ class ChannelRows : public Rows {
   }
   /// The score divided by that root: what a scoring step is fitted to.
   [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
+
+  /// How well the rows agree with their predictors before and after anything was found; empty: no word.
+  [[nodiscard]] virtual std::string note(const Eigen::VectorXd&, const Eigen::VectorXd&) const { return {}; }
+  /// What is left beside all that was found and that no usual device and no usual scene shows.
+  [[nodiscard]] virtual std::vector<Unexplained> strained(const Eigen::VectorXd&) const { return {}; }
+  /// How pictures show the rows before and after, where not along a coordinate.
+  [[nodiscard]] virtual std::optional<SpreadCurve> picture(const Eigen::VectorXd&,
+                                                           const Eigen::VectorXd&) const {
+    return {};
+  }
+
+ protected:
+  void set_rows(std::vector<Row> rows) {
+    rows_ = std::move(rows);
+    base_.columns.resize(this->rows(), 0);
+  }
+  [[nodiscard]] const Row& of(Eigen::Index row) const { return rows_[static_cast<std::size_t>(row)]; }
+  [[nodiscard]] const std::vector<Row>& list() const { return rows_; }
+  void set_base(Columns base) { base_ = std::move(base); }
+  void append_to_base(const Eigen::MatrixXd& columns, const Prior& prior) { base_.append(columns, prior); }
+
+ private:
+  std::vector<Row> rows_;
+  Columns base_;
 };
 
 /// A channel whose rows are normal around the predictor, with the same information whatever that is.
 class NormalRows : public ChannelRows {
  public:
-  [[nodiscard]] const Columns& base() const override { return base_; }
   [[nodiscard]] double offset(Eigen::Index) const override { return 0; }
   [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
     return log_scale_ - 0.5 * white_residual(eta).squaredNorm();
@@ -107,12 +144,10 @@ class NormalRows : public ChannelRows {
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
 
  protected:
-  [[nodiscard]] Columns& nuisances() { return base_; }
   /// Log of the density where nothing is left over.
   void set_log_scale(double log_scale) { log_scale_ = log_scale; }
 
  private:
-  Columns base_;
   double log_scale_ = 0;
 };
 
@@ -129,15 +164,6 @@ struct ChannelKind {
                       ///< here (fit/bench/empirical.hpp).
   /// Puts its nuisances as they were found into the bench, where that states them; empty: it does not.
   std::function<void(const Reduced&, const std::vector<Estimate>& nuisances, Bench&)> restate;
-  /// How well its rows agree with their predictors before and after anything was found; empty: no word.
-  std::function<std::string(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
-      note;
-  /// What is left beside all that was found and that no usual device and no usual scene shows; empty:
-  /// nothing.
-  std::function<std::vector<Unexplained>(const ChannelRows&, const Eigen::VectorXd& eta)> strained;
-  /// How pictures show it, where not as its rows along a coordinate; empty: as those.
-  std::function<SpreadCurve(const ChannelRows&, const Eigen::VectorXd& before, const Eigen::VectorXd& after)>
-      picture;
   /// The rows of a session whose cells are predicted; null if it has none.
   std::function<std::unique_ptr<ChannelRows>(const Reduced&, const MeanNoise&)> rows;
 };
@@ -150,22 +176,6 @@ struct ChannelKind {
 /// A channel whose rows are independent, each with a weight of its own: what generalised linear models have.
 class IndependentRows : public ChannelRows {
  public:
-  struct Row {
-    Circumstances at;
-    int capture = 0;
-    Draws draws;
-    double lever2 = 0;    ///< Mean square of d range / d beam angle, (mm/rad)^2.
-    double y = 0;         ///< The statistic: a variance, or a count.
-    double n = 0;         ///< Degrees of freedom, or samples.
-    double expected = 0;  ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise
-                          ///< beside them, mm.
-  };
-
-  [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }
-  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return of(row).at; }
-  [[nodiscard]] int capture(Eigen::Index row) const override { return of(row).capture; }
-  [[nodiscard]] const Columns& base() const override { return base_; }
-  [[nodiscard]] double statistic(Eigen::Index row) const override { return of(row).y; }
   [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
     return log_likelihoods(eta).sum();
   }
@@ -176,20 +186,11 @@ class IndependentRows : public ChannelRows {
   using ChannelRows::score;
 
  protected:
-  explicit IndependentRows(std::vector<Row> rows) : list_(std::move(rows)) {
-    base_.columns.resize(this->IndependentRows::rows(), 0);
-  }
-  [[nodiscard]] const Row& of(Eigen::Index row) const { return list_[static_cast<std::size_t>(row)]; }
-  [[nodiscard]] const std::vector<Row>& list() const { return list_; }
-  void set_base(Columns base) { base_ = std::move(base); }
+  explicit IndependentRows(std::vector<Row> rows) { set_rows(std::move(rows)); }
 
-  [[nodiscard]] virtual double log_likelihood(const Row& row, double eta) const = 0;
-  [[nodiscard]] virtual double score(const Row& row, double eta) const = 0;
-  [[nodiscard]] virtual double information(const Row& row, double eta) const = 0;
-
- private:
-  std::vector<Row> list_;
-  Columns base_;
+  [[nodiscard]] virtual double log_likelihood(Eigen::Index row, double eta) const = 0;
+  [[nodiscard]] virtual double score(Eigen::Index row, double eta) const = 0;
+  [[nodiscard]] virtual double information(Eigen::Index row, double eta) const = 0;
 };
 
 /// Says whether a cell counts, and adds it to the row.

@@ -72,18 +72,18 @@ class Counts : public IndependentRows {
   [[nodiscard]] static double hazard(double probability) {
     return -std::log1p(-std::min(0.9999, std::max(0.0, probability)));
   }
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
-    const double h = hazard_of(eta);
-    if (row.y == 0) return -row.n * h;
-    return row.y * std::log(-std::expm1(-h)) - (row.n - row.y) * h;
+  [[nodiscard]] double log_likelihood(Eigen::Index row, double eta) const override {
+    const double h = hazard_of(eta), y = of(row).y, n = of(row).n;
+    if (y == 0) return -n * h;
+    return y * std::log(-std::expm1(-h)) - (n - y) * h;
   }
-  [[nodiscard]] double score(const Row& row, double eta) const override {
-    if (row.y == 0 && eta < numbers::least_hazard) return 0;  // less than none is none
-    const double h = hazard_of(eta);
-    return row.y / std::expm1(h) - (row.n - row.y);
+  [[nodiscard]] double score(Eigen::Index row, double eta) const override {
+    const double h = hazard_of(eta), y = of(row).y, n = of(row).n;
+    if (y == 0 && eta < numbers::least_hazard) return 0;  // less than none is none
+    return y / std::expm1(h) - (n - y);
   }
-  [[nodiscard]] double information(const Row& row, double eta) const override {
-    return row.n / std::expm1(std::max(1e-12, eta));
+  [[nodiscard]] double information(Eigen::Index row, double eta) const override {
+    return of(row).n / std::expm1(std::max(1e-12, eta));
   }
 
  private:

@@ -28,17 +28,17 @@ class GammaRows : public IndependentRows {
   /// No variance is less than that one.
   GammaRows(std::vector<Row> rows, double least) : IndependentRows(std::move(rows)), least_(least) {}
 
-  [[nodiscard]] double log_likelihood(const Row& row, double eta) const override {
+  [[nodiscard]] double log_likelihood(Eigen::Index row, double eta) const override {
     const double v = possible_one(eta);
-    return -row.n / 2 * (std::log(v) + row.y / v);
+    return -of(row).n / 2 * (std::log(v) + of(row).y / v);
   }
-  [[nodiscard]] double score(const Row& row, double eta) const override {
+  [[nodiscard]] double score(Eigen::Index row, double eta) const override {
     const double v = possible_one(eta);
-    return row.n / 2 * (row.y - v) / (v * v);
+    return of(row).n / 2 * (of(row).y - v) / (v * v);
   }
-  [[nodiscard]] double information(const Row& row, double eta) const override {
+  [[nodiscard]] double information(Eigen::Index row, double eta) const override {
     const double v = possible_one(eta);
-    return row.n / (2 * v * v);
+    return of(row).n / (2 * v * v);
   }
 
  private:

@@ -35,6 +35,12 @@ double of_all(const std::vector<WidthRow>& rows, std::size_t knot) {
   return sum;
 }
 
+std::vector<ChannelRows::Row> as_rows(const std::vector<WidthRow>& widths) {
+  std::vector<ChannelRows::Row> rows;
+  for (const WidthRow& w : widths) rows.push_back({w.at, w.capture, w.width.best_deg2()});
+  return rows;
+}
+
 }  // namespace
 
 WidthLikelihood::WidthLikelihood(const std::function<double(double width_deg)>& log_likelihood) {
@@ -96,36 +102,18 @@ double widest_deg2(const std::vector<WidthRow>& rows) {
   return std::max(best, variance_of(widest));
 }
 
-WidthRows::WidthRows(std::vector<WidthRow> rows) : list_(std::move(rows)), raised_(fair_place()) {
-  base_.columns.resize(this->WidthRows::rows(), 0);
-}
-
-VectorXd WidthRows::each(const VectorXd& eta, double (WidthLikelihood::*of_one)(double) const) const {
-  VectorXd values(rows());
-  for (Index i = 0; i < rows(); ++i) values[i] = (of(i).width.*of_one)(eta[i]);
-  return values;
-}
-
-VectorXd WidthRows::log_likelihoods(const VectorXd& eta) const {
-  return each(eta, &WidthLikelihood::log_likelihood);
-}
-
-Eigen::MatrixXd WidthRows::whitened(Eigen::MatrixXd columns, const VectorXd& eta) const {
-  return each(eta, &WidthLikelihood::information).cwiseSqrt().asDiagonal() * columns;
-}
-
-VectorXd WidthRows::white_residual(const VectorXd& eta) const {
-  return each(eta, &WidthLikelihood::score)
-      .cwiseQuotient(each(eta, &WidthLikelihood::information).cwiseSqrt());
-}
+WidthRows::WidthRows(std::vector<WidthRow> rows)
+    : IndependentRows(as_rows(rows)), widths_(std::move(rows)), raised_(fair_place()) {}
 
 /// Where the parabola of all edges promises of a width what their likelihood gives: at the best width it
 /// promises far less, as the likelihood falls by the logarithm.
 double WidthRows::fair_place() const {
   const auto all = [&](double variance, double (WidthLikelihood::*of_one)(double) const) {
-    return each(VectorXd::Constant(rows(), variance), of_one).sum();
+    VectorXd each(rows());
+    for (Index i = 0; i < rows(); ++i) each[i] = (width(i).*of_one)(variance);
+    return each.sum();
   };
-  const double hard = WidthLikelihood::hard_deg2, best = pooled_deg2(list_),
+  const double hard = WidthLikelihood::hard_deg2, best = pooled_deg2(widths_),
                gain =
                    all(best, &WidthLikelihood::log_likelihood) - all(hard, &WidthLikelihood::log_likelihood);
   double fair = best, off = 1e300;

@@ -41,39 +41,35 @@ struct WidthRow {
 [[nodiscard]] double widest_deg2(const std::vector<WidthRow>& rows);
 
 /// A channel of such rows. Its predictor is a variance, deg^2.
-class WidthRows : public ChannelRows {
+class WidthRows : public IndependentRows {
  public:
-  [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(list_.size()); }
-  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return of(row).at; }
-  [[nodiscard]] int capture(Eigen::Index row) const override { return of(row).capture; }
-  [[nodiscard]] const Columns& base() const override { return base_; }
   [[nodiscard]] double offset(Eigen::Index) const override { return WidthLikelihood::hard_deg2; }
-  [[nodiscard]] double statistic(Eigen::Index row) const override { return of(row).width.best_deg2(); }
-  [[nodiscard]] double log_likelihood(const Eigen::VectorXd& eta) const override {
-    return log_likelihoods(eta).sum();
-  }
-  [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override;
   [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
     return eta.cwiseMax(raised_);
   }
   [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override {
     return eta.cwiseMax(WidthLikelihood::hard_deg2);
   }
-  [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const override;
-  [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
 
  protected:
   explicit WidthRows(std::vector<WidthRow> rows);
 
+  [[nodiscard]] double log_likelihood(Eigen::Index row, double eta) const override {
+    return width(row).log_likelihood(eta);
+  }
+  [[nodiscard]] double score(Eigen::Index row, double eta) const override { return width(row).score(eta); }
+  [[nodiscard]] double information(Eigen::Index row, double eta) const override {
+    return width(row).information(eta);
+  }
+
  private:
-  [[nodiscard]] const WidthRow& of(Eigen::Index row) const { return list_[static_cast<std::size_t>(row)]; }
-  [[nodiscard]] Eigen::VectorXd each(const Eigen::VectorXd& eta,
-                                     double (WidthLikelihood::*of_one)(double) const) const;
+  [[nodiscard]] const WidthLikelihood& width(Eigen::Index row) const {
+    return widths_[static_cast<std::size_t>(row)].width;
+  }
   [[nodiscard]] double fair_place() const;
 
-  std::vector<WidthRow> list_;
+  std::vector<WidthRow> widths_;
   double raised_;
-  Columns base_;
 };
 
 }  // namespace fit::explain::model
