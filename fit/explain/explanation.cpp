@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -31,60 +31,54 @@ std::string on_unmet(const Reduced& reduced) {
                    " where the bench file has them: correct their places, or the mount's, or take them out";
 }
 
-/// What the model takes as known: the noise, how wide beams are at edges, and coarse steps.
-SpreadResult before_the_model(Reduced& reduced) {
-  SpreadResult result;
+/// How wide beams are at edges; 0: nothing shows it.
+double width_at_edges_rad(const Reduced& reduced) {
   const auto widths = model::widths_of(model::transitions(reduced));
-  if (!widths.empty()) result.noise.footprint_rad = std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
-  result.sigma_mm = reduced.typical_sigma_mm();
-  if (!reduced.unmet.empty()) result.unknown.push_back({.describes = on_unmet(reduced)});
-  find_coarse_steps(reduced, result.sigma_mm, result);
-  reduced.vibration_hz = vibration(reduced, result);
-  return result;
+  return widths.empty() ? 0 : std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
 }
 
-/// What the model finds, and the rooms beside it.
-struct Searched {
-  Findings findings;
-  inference::Inferred inferred;
-};
-
-Searched search(Reduced reduced, const Progress& progress) {
+/// What the model finds, beside what it takes as known: the noise, coarse steps, and what swings.
+inference::Inferred search(Reduced& reduced, const Progress& progress) {
   if (progress) progress(unknown_share, "looking at the noise");
-  SpreadResult spread = before_the_model(reduced);
+  MeanNoise noise;
+  noise.footprint_rad = width_at_edges_rad(reduced);
+  std::vector<Unexplained> unknown;
+  if (!reduced.unmet.empty()) unknown.push_back({.describes = on_unmet(reduced)});
+  const std::optional<Suspect> steps = find_coarse_steps(reduced);
+  reduced.vibration_hz = vibration(reduced, unknown);
   if (progress) progress(unknown_share, "comparing hypotheses");
-  inference::Inferred inferred = inference::infer(reduced, spread.noise, progress);
+  inference::Inferred inferred = inference::infer(reduced, noise, progress);
   // A lamp keeps no step with captures: whatever does is known by now.
-  if (const auto hz = mains::flicker(reduced, inferred.means.noise, inferred.of_scans, spread)) {
+  if (const auto hz = mains::flicker(reduced, inferred.means.noise, inferred.of_scans, unknown)) {
     mains::take_off_flicker(*hz, reduced);
-    inferred = inference::infer(reduced, spread.noise, progress);
+    inferred = inference::infer(reduced, noise, progress);
   }
-  return {{std::move(reduced), std::move(spread), inferred.means}, std::move(inferred)};
+  if (steps) inferred.accepted.insert(inferred.accepted.begin(), *steps);
+  inferred.unknown.insert(inferred.unknown.begin(), unknown.begin(), unknown.end());
+  return inferred;
 }
 
-/// The findings in words, chapter by chapter.
-Explanation reported(Searched& found) {
-  Findings& findings = found.findings;
+/// What was found in words, chapter by chapter.
+Explanation reported(const Reduced& reduced, const inference::Inferred& inferred) {
   Explanation out;
-  out.before = findings.means.before;
-  out.after = findings.means.after;
-  out.noise_floor_mm = findings.means.noise_floor_mm;
-  out.samples = findings.reduced.samples;
-  out.cells = findings.reduced.cells.size();
-  out.left_out = findings.reduced.left_out;
-  out.bench = findings.reduced.bench;
-  inference::report(found.inferred, findings, out);
-  answer::report_spread(findings, out);
-  std::ranges::copy(found.inferred.curves, std::back_inserter(out.spread_curves));
-  inference::add_to_spread(found.inferred, findings.spread);
-  if (!found.inferred.posterior.forms.empty() || !findings.spread.unknown.empty())
-    answer::report_unknown(findings, out);
+  out.before = inferred.means.before;
+  out.after = inferred.means.after;
+  out.noise_floor_mm = inferred.means.noise_floor_mm;
+  out.samples = reduced.samples;
+  out.cells = reduced.cells.size();
+  out.left_out = reduced.left_out;
+  out.bench = reduced.bench;
+  inference::report(reduced, inferred, out);
+  answer::report_coarse_steps(reduced, inferred, out);
+  out.spread_curves = inferred.curves;
+  if (!inferred.posterior.forms.empty() || !inferred.unknown.empty())
+    answer::report_unknown(reduced, inferred, out);
   out.unknown_is_bench_error =
-      out.unknown && !findings.reduced.unmet.empty() && out.unknown->describes == on_unmet(findings.reduced);
-  answer::report_where(findings, out);
-  answer::report_doubts(findings, out);
-  answer::doubt_bench_file(findings, out);
-  answer::correct_bench(findings, out.bench);
+      out.unknown && !reduced.unmet.empty() && out.unknown->describes == on_unmet(reduced);
+  answer::report_where(reduced, inferred, out);
+  answer::report_doubts(reduced, inferred, out);
+  answer::doubt_bench_file(reduced, inferred, out);
+  answer::correct_bench(inferred, out.bench);
   out.verdict = verdict_of(out);
   return out;
 }
@@ -101,11 +95,11 @@ std::string verdict_of(const Explanation& explanation) {
 Explanation explain(const std::vector<const Recording*>& recordings, const Progress& progress) {
   if (recordings.empty()) throw std::invalid_argument("no recording was given");
   Reading reading(recordings, progress);
-  Searched found = search(reading.take_reduced(), progress);
-  Findings& findings = found.findings;
-  Explanation explanation = reported(found);
-  complete_twin(findings.reduced, findings.means, explanation);
-  explanation.predictor = predictor_of(findings.reduced, findings.means, findings.spread);
+  Reduced reduced = reading.take_reduced();
+  const inference::Inferred inferred = search(reduced, progress);
+  Explanation explanation = reported(reduced, inferred);
+  complete_twin(reduced, inferred.means, explanation);
+  explanation.predictor = predictor_of(reduced, inferred.means, inferred.accepted, inferred.undecided);
   explanation.several_places = reading.together().in_several_places();
   keep_targets(explanation.bench, reading.together().first_scene());
   explanation.notes.insert(explanation.notes.begin(), reading.notes().begin(), reading.notes().end());

@@ -253,14 +253,14 @@ std::optional<double> EmpiricalCorrection::value_at(double v) const {
   return linear_in(at, value, v);
 }
 
-Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread) {
+Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vector<Suspect>& accepted,
+                       const std::vector<Suspect>& undecided) {
   Predictor p;
   for (const Term& term : means.best.terms)
     p.terms.push_back({term, term.target < 0 ? std::string() : reduced.bench.target_at(term.target).name});
-  for (const Suspect& suspect : spread.accepted)
-    if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
-  for (const Suspect& suspect : spread.undecided)
-    if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
+  for (const auto* list : {&accepted, &undecided})
+    for (const Suspect& suspect : *list)
+      if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
   Hypothesis nothing(reduced.bench), found = means.best;
   nothing.nuisance = means.best.nuisance;
   fit_nuisances(reduced, means.noise, 2, nothing);

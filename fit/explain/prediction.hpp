@@ -67,7 +67,10 @@ struct Prediction {
   std::vector<PredictedCell> shown;
 };
 
-[[nodiscard]] Predictor predictor_of(Reduced& reduced, const MeanResult& means, const SpreadResult& spread);
+/// `accepted`, `undecided`: beside the means.
+[[nodiscard]] Predictor predictor_of(Reduced& reduced, const MeanResult& means,
+                                     const std::vector<Suspect>& accepted,
+                                     const std::vector<Suspect>& undecided);
 [[nodiscard]] Prediction predict_recording(const Predictor& predictor, const Recording& recording);
 
 }  // namespace fit::explain

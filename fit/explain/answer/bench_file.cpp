@@ -17,10 +17,10 @@ using Eigen::Index;
 struct Stated {
   Eigen::VectorXd stated, found, u;
 
-  explicit Stated(const Findings& findings)
-      : stated(Nuisance(findings.reduced.bench).as_vector()),
-        found(findings.means.best.nuisance.as_vector()),
-        u(Nuisance::prior_sigma(findings.reduced.bench)) {}
+  explicit Stated(const Reduced& reduced, const Inferred& inferred)
+      : stated(Nuisance(reduced.bench).as_vector()),
+        found(inferred.means.best.nuisance.as_vector()),
+        u(Nuisance::prior_sigma(reduced.bench)) {}
 };
 
 std::string in_words(const Freedom& freedom, const Bench& bench) {
@@ -31,15 +31,15 @@ std::string in_words(const Freedom& freedom, const Bench& bench) {
 
 }  // namespace
 
-void doubt_bench_file(const Findings& findings, Explanation& out) {
+void doubt_bench_file(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
   constexpr double hardly_possible = 3.5;  // standard uncertainties
-  const Stated file(findings);
-  const std::vector<Freedom> freedoms = freedoms_of(findings.reduced.bench);
+  const Stated file(reduced, inferred);
+  const std::vector<Freedom> freedoms = freedoms_of(reduced.bench);
   for (Index i = 0; i < file.stated.size(); ++i) {
     const double off = file.found[i] - file.stated[i];
     if (file.u[i] <= 0 || std::abs(off) < hardly_possible * file.u[i]) continue;
     const Freedom& freedom = freedoms[static_cast<std::size_t>(i)];
-    out.notes.push_back(in_words(freedom, findings.reduced.bench) + " comes out " +
+    out.notes.push_back(in_words(freedom, reduced.bench) + " comes out " +
                         rounded(off * (freedom.is_angle() ? deg_per_rad : 1), 3) +
                         (freedom.is_angle() ? " deg" : " mm") + " from what the bench file states, " +
                         rounded(std::abs(off) / file.u[i], 2) +
@@ -47,8 +47,8 @@ void doubt_bench_file(const Findings& findings, Explanation& out) {
   }
 }
 
-void correct_bench(const Findings& findings, Bench& bench) {
-  const Nuisance& n = findings.means.best.nuisance;
+void correct_bench(const Inferred& inferred, Bench& bench) {
+  const Nuisance& n = inferred.means.best.nuisance;
   Mount& mount = bench.lidar.mount;
   mount.x_mm.value = n.x_mm;
   mount.y_mm.value = n.y_mm;
@@ -71,7 +71,7 @@ void correct_bench(const Findings& findings, Bench& bench) {
     target.from_mm = middle - turned;
     target.to_mm = middle + turned;
   }
-  if (findings.spread.sigma_mm > 0) state_noise(bench, findings.spread.sigma_mm);
+  if (inferred.sigma_mm > 0) state_noise(bench, inferred.sigma_mm);
 }
 
 }  // namespace fit::explain::answer

@@ -66,9 +66,8 @@ std::string on_rounded_angles(double grid_deg) {
 
 }  // namespace
 
-void report_doubts(const Findings& findings, Explanation& out) {
-  const Reduced& reduced = findings.reduced;
-  const MeanResult& means = findings.means;
+void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
+  const MeanResult& means = inferred.means;
   const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };
   if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
   if (means.is_another_scene()) note(on_another_scene(means));
@@ -77,7 +76,7 @@ void report_doubts(const Findings& findings, Explanation& out) {
   if (means.is_worse_held_out()) note(on_worse_held_out(out));
   if (means.excess > 1) note(on_excess(means.excess));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
-  for (const Suspect& suspect : findings.spread.accepted)
+  for (const Suspect& suspect : inferred.accepted)
     if (suspect.mechanism->id == "angle-jitter" && is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))
       note(on_rounded_angles(grid_deg));
 }

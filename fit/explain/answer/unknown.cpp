@@ -7,9 +7,9 @@ namespace fit::explain::answer {
 namespace {
 
 /// The functions without a name that were needed: the place of the first, and all in words.
-Unexplained of_shapes(const Findings& findings) {
-  const MeanResult& means = findings.means;
-  const MeanModel model(findings.reduced, means.noise);
+Unexplained of_shapes(const Reduced& reduced, const Inferred& inferred) {
+  const MeanResult& means = inferred.means;
+  const MeanModel model(reduced, means.noise);
   const Shape& shape = means.best.shapes.front();
   const Described first = describe(shape, model);
   Unexplained u;
@@ -25,9 +25,9 @@ Unexplained of_shapes(const Findings& findings) {
 
 }  // namespace
 
-void report_unknown(const Findings& findings, Explanation& out) {
-  std::vector<Unexplained> all = findings.spread.unknown;
-  if (!findings.means.best.shapes.empty()) all.insert(all.begin(), of_shapes(findings));
+void report_unknown(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
+  std::vector<Unexplained> all = inferred.unknown;
+  if (!inferred.means.best.shapes.empty()) all.insert(all.begin(), of_shapes(reduced, inferred));
   if (all.empty()) return;
   out.unknown = all.front();
   for (std::size_t i = 1; i < all.size(); ++i) out.unknown->describes += "; and " + all[i].describes;

@@ -50,9 +50,9 @@ Located located(const Unexplained& u, const Reduced& reduced) {
 }
 
 /// `before`: the means before anything was explained.
-void locate(const MeanModel& before, const Findings& findings, std::vector<Located>& out,
-            bool reports_unknown) {
-  const Hypothesis& best = findings.means.best;
+void locate(const MeanModel& before, const Reduced& reduced, const Inferred& inferred,
+            std::vector<Located>& out, bool reports_unknown) {
+  const Hypothesis& best = inferred.means.best;
   const auto add = [&](const std::vector<Located>& list) {
     std::ranges::copy(list, std::back_inserter(out));
   };
@@ -63,16 +63,16 @@ void locate(const MeanModel& before, const Findings& findings, std::vector<Locat
   for (const Shape& shape : best.shapes)
     if (taken.insert(shape.coordinate).second)
       add(locate_effect(before, effect_of(before, shape), shape.coordinate));
-  for (const Suspect& suspect : findings.spread.accepted) add(located(suspect, findings.reduced));
+  for (const Suspect& suspect : inferred.accepted) add(located(suspect, reduced));
   if (reports_unknown && best.shapes.empty())
-    for (const Unexplained& u : findings.spread.unknown) out.push_back(located(u, findings.reduced));
+    for (const Unexplained& u : inferred.unknown) out.push_back(located(u, reduced));
   if (!best.terms.empty() || !best.shapes.empty())
     for (const Located& l : locate_residuals(before, 0.01))
       if (!taken.contains(l.coordinate)) out.push_back(l);
   for (Located& l : out) {
     if (l.coordinate != Coordinate::temperature) continue;
-    l.from += findings.reduced.reference_temperature_c;
-    l.to += findings.reduced.reference_temperature_c;
+    l.from += reduced.reference_temperature_c;
+    l.to += reduced.reference_temperature_c;
   }
 }
 
@@ -94,14 +94,14 @@ std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const
 
 }  // namespace
 
-void report_where(const Findings& findings, Explanation& out) {
-  const auto& [reduced, spread, means] = findings;
+void report_where(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
+  const MeanResult& means = inferred.means;
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   Reduced rows = merged(reduced, rows_for_tables);
   predict_at(rows, nothing);
   const MeanModel before = model_of(rows, means.noise, nothing);
-  locate(before, findings, out.located, out.unknown.has_value());
+  locate(before, reduced, inferred, out.located, out.unknown.has_value());
   Reduced explained = rows;
   predict_at(explained, means.best);
   const MeanModel after = model_of(explained, means.noise, means.best);

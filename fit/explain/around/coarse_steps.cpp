@@ -154,21 +154,21 @@ std::optional<Steps> coarsest(const std::vector<long>& shown, double strays) {
 
 }  // namespace
 
-void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result) {
+std::optional<Suspect> find_coarse_steps(Reduced& reduced) {
   constexpr double improbable = 15;  // gain: a mechanism, its step, and single samples that decide
   const std::optional<Steps> found = coarsest(reduced.shown, share_of_strays(reduced.cells));
-  if (!found || found->gain < improbable) return;
+  if (!found || found->gain < improbable) return {};
+  const double sigma_mm = reduced.typical_sigma_mm();
   // A parked target without noise repeats itself too: then its spread is far below the step.
-  if (sigma_mm < 0.25 * found->step_mm && reduced.cells.size() < 50) return;
+  if (sigma_mm < 0.25 * found->step_mm && reduced.cells.size() < 50) return {};
   Suspect suspect;
   suspect.mechanism = find_mechanism(rounding);
   suspect.gain = found->gain;
-  suspect.evidence = suspect.gain - 4;
   suspect.parameters = {{"step_mm", {found->step_mm, found->u_mm}}};
-  result.accepted.push_back(suspect);
   OutputSteps& steps = reduced.output_steps;
   steps = {found->step_mm, found->first_mm, sigma_mm};
   if (const auto scatter = scatter_of(reduced); !scatter.empty()) steps.sigma_mm = steps.noise_of(scatter);
+  return suspect;
 }
 
 }  // namespace fit::explain

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <optional>
+
 #include "fit/explain/model/spread.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain {
 
-/// Do ranges come in coarse steps? Then adds `rounding` to the result, and to the session what such steps do
-/// to means and variances. `sigma_mm`: the noise of one sample.
-void find_coarse_steps(Reduced& reduced, double sigma_mm, SpreadResult& result);
+/// Do ranges come in coarse steps? Then `rounding`; and the session knows what such steps do to means and
+/// variances.
+[[nodiscard]] std::optional<Suspect> find_coarse_steps(Reduced& reduced);
 
 }  // namespace fit::explain

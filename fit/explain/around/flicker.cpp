@@ -409,7 +409,8 @@ struct Ranges {
 }  // namespace
 
 std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
-                              const std::vector<Active>& from_scan_to_scan, SpreadResult& result) {
+                              const std::vector<Active>& from_scan_to_scan,
+                              std::vector<Unexplained>& unknown) {
   constexpr double improbable_by_chance = 5.5;  // log Bayes factor
   // A wave of its own does not keep step with captures or mirror faces: what does is somebody else's.
   const auto [period_s, rest] =
@@ -427,7 +428,7 @@ std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
   const Ranges ranges(reduced.groups, reduced.sectors);
   const double amplitude_mm = std::sqrt(square_amplitude(ranges.segments, lines.front(), period_s));
   if (!(amplitude_mm > 0)) return {};  // no more than noise makes
-  result.unknown.push_back(
+  unknown.push_back(
       in_words(lines, amplitude_mm, reduced.groups, spectrum.uncertainty_hz(lines.front()), period_s));
   return lines.front().hz;
 }

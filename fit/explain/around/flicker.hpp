@@ -13,7 +13,7 @@ namespace fit::explain::mains {
 /// scan? Adds it as unknown. The frequency, Hz.
 [[nodiscard]] std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
                                             const std::vector<Active>& from_scan_to_scan,
-                                            SpreadResult& result);
+                                            std::vector<Unexplained>& unknown);
 
 /// Takes such a wave off the sectors, off the cells' means over a few scans, and off their variances: seen
 /// from scan to scan it looks like mirror faces, a swinging stage or memory.

@@ -75,7 +75,7 @@ Line strongest(const Series& series, double from_hz, double to_hz, double step_h
 
 }  // namespace
 
-std::optional<double> vibration(const Reduced& reduced, SpreadResult& result) {
+std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>& unknown) {
   constexpr double least_share = 0.3,  // of what scans scatter by: else it is noise
       slowest = 3;                     // periods in a block
   const std::vector<model::ScanPart> parts = model::scan_parts(reduced, model::fewest_in_common, 1);
@@ -115,7 +115,7 @@ std::optional<double> vibration(const Reduced& reduced, SpreadResult& result) {
                                  " deg at " + at + ": stage or mount vibrate"
                            : "ranges of whole scans swing by " + rounded(amplitude, 2) + " mm at " + at;
   }
-  if (found) result.unknown.push_back(std::move(u));
+  if (found) unknown.push_back(std::move(u));
   return found;
 }
 

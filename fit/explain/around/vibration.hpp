@@ -10,6 +10,6 @@ namespace fit::explain {
 
 /// Does the angle of the stage, or the range, swing at one frequency from scan to scan, with a phase of its
 /// own in every capture? Adds it as unknown. The frequency, Hz.
-[[nodiscard]] std::optional<double> vibration(const Reduced& reduced, SpreadResult& result);
+[[nodiscard]] std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>& unknown);
 
 }  // namespace fit::explain

@@ -135,7 +135,7 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
     const Eigen::VectorXd& eta = best.optimum.eta[c];
     if (std::string note = rows->note(nothing.optimum.eta[c], eta); !note.empty())
       out.notes.push_back(std::move(note));
-    std::ranges::copy_if(rows->strained(eta), std::back_inserter(out.beside),
+    std::ranges::copy_if(rows->strained(eta), std::back_inserter(out.unknown),
                          [&](const Unexplained& u) { return u.gain > left; });
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
@@ -160,7 +160,7 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   for (const Named& named : out.posterior.named) out.gain.push_back(gain_of(named.term));
   for (const Named& form : out.posterior.forms)
     if (!form.term.kind->moves_means())
-      out.beside.push_back(described(session, form.term, gain_of(form.term).held_out));
+      out.unknown.push_back(described(session, form.term, gain_of(form.term).held_out));
 }
 
 /// The best hypothesis as far as means go; of undecided sets, the best member.
@@ -254,6 +254,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
       out.of_scans.push_back({term.kind->mechanism.get(), term.values, -1});
   out.sigma_mm = constant_noise_of(session, explored.best.hypothesis);
   out.means.noise_floor_mm = noise_floor(reduced, out.means.noise);
+  list_beside_means(out);
   return out;
 }
 

@@ -3,8 +3,8 @@
 
 #include "fit/bench/empirical.hpp"
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/inference/findings.hpp"
 #include "fit/explain/inference/posterior.hpp"
+#include "fit/explain/model/mean_result.hpp"
 
 namespace fit::explain::inference {
 
@@ -21,7 +21,9 @@ struct Inferred {
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
   double sigma_mm = 0;                   ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
-  std::vector<Unexplained> beside = {};  ///< Forms beside the means, and noise that is none.
+  std::vector<Suspect> accepted = {};    ///< What acts on something other than means and is confirmed ...
+  std::vector<Suspect> undecided = {};   ///< ... and the best of every set whose best is such.
+  std::vector<Unexplained> unknown = {};  ///< Contradictions, forms beside the means, and noise that is none.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
   std::vector<Gain> gain = {};           ///< Of every named one.
   std::vector<std::string> notes = {};   ///< Of channels, on how well they agree.
@@ -39,10 +41,10 @@ struct Inferred {
 /// `noise`: of the means. The cells of `reduced` are left predicted at the best hypothesis.
 [[nodiscard]] Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress);
 
-/// Tells it: mechanisms, undecided sets, what nobody knows.
-void report(const Inferred& inferred, const Findings& findings, Explanation& out);
+/// Lists what is accepted and undecided beside the means, and adds what is contradicted to the unknown.
+void list_beside_means(Inferred& inferred);
 
-/// What of it is told beside the means, for those that draw and predict with it.
-void add_to_spread(const Inferred& inferred, SpreadResult& spread);
+/// Tells it: mechanisms and undecided sets.
+void report(const Reduced& reduced, const Inferred& inferred, Explanation& out);
 
 }  // namespace fit::explain::inference

@@ -80,8 +80,9 @@ bool is_of_any_size(const Found& found) {
   return has_size;
 }
 
-void report_named(const Named& named, double gain, const Findings& findings, Explanation& out) {
-  Found found = found_of(named.term, findings.reduced);
+void report_named(const Named& named, double gain, const Reduced& reduced, const MeanResult& means,
+                  Explanation& out) {
+  Found found = found_of(named.term, reduced);
   found.probability = named.probability;
   found.says = found.mechanism->says(found);
   found.evidence = on_held_out(gain, named.term.kind->moves_means());
@@ -91,8 +92,8 @@ void report_named(const Named& named, double gain, const Findings& findings, Exp
         "for "
         "its size.";
   found.log_likelihood_gain = gain;
-  found.rms_before_mm = findings.means.before.rms_mm;
-  found.rms_after_mm = findings.means.after.rms_mm;
+  found.rms_before_mm = means.before.rms_mm;
+  found.rms_after_mm = means.after.rms_mm;
   const auto other_size = std::ranges::find_if(out.mechanisms, [&](const Found& f) {
     return named.term.kind->size && f.mechanism == found.mechanism && f.target == found.target;
   });
@@ -117,8 +118,8 @@ std::string name_of(const Undecided::Member& member) {
 }
 
 /// `functions`: those in sets before it.
-void report_set(const Undecided& set, const Findings& findings, std::set<const Kind*>& functions,
-                Explanation& out) {
+void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& noise,
+                std::set<const Kind*>& functions, Explanation& out) {
   const std::vector<Undecided::Member>& members = set.members;
   std::vector<std::string> all;
   for (const auto& member : members)
@@ -134,8 +135,7 @@ void report_set(const Undecided& set, const Findings& findings, std::set<const K
     if (member.kind->is_form()) {
       if (member.kind->moves_means() && !member.kind->form->form->happened_then &&
           functions.insert(member.kind).second)
-        out.unnamed_suspects.push_back(
-            seen(as_shape(member.term), MeanModel(findings.reduced, findings.means.noise)));
+        out.unnamed_suspects.push_back(seen(as_shape(member.term), MeanModel(reduced, noise)));
     } else if (member.kind->mechanism->happened_once()) {
       continue;  // no experiment repeats it
     } else if (member.kind->moves_means()) {
@@ -182,36 +182,38 @@ Unexplained contradicted(const Inferred& inferred, const Term& term, double gain
 
 }  // namespace
 
-void report(const Inferred& inferred, const Findings& findings, Explanation& out) {
+void report(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
-    if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i].held_out, findings, out);
+    if (is_confirmed(inferred, i))
+      report_named(named, inferred.gain[i].held_out, reduced, inferred.means, out);
   }
   std::set<const Kind*> functions;
-  for (const Undecided& set : posterior.undecided) report_set(set, findings, functions, out);
+  for (const Undecided& set : posterior.undecided)
+    report_set(set, reduced, inferred.means.noise, functions, out);
   std::ranges::copy(inferred.notes, std::back_inserter(out.notes));
   for (const EmpiricalFunction& table : inferred.tables) add_empirical(out.bench, table);
   for (const auto& [channel, nuisances] : inferred.restated)
-    model::channel_kinds()[channel].restate(findings.reduced, nuisances, out.bench);
+    model::channel_kinds()[channel].restate(reduced, nuisances, out.bench);
 }
 
-void add_to_spread(const Inferred& inferred, SpreadResult& spread) {
-  spread.sigma_mm = inferred.sigma_mm;
+void list_beside_means(Inferred& inferred) {
+  std::vector<Unexplained> contradictions;
   for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
     const Term& term = inferred.posterior.named[i].term;
     if (!is_confirmed(inferred, i))
-      spread.unknown.push_back(contradicted(inferred, term, inferred.gain[i].held_out));
+      contradictions.push_back(contradicted(inferred, term, inferred.gain[i].held_out));
     else if (!term.kind->moves_means())
-      spread.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
+      inferred.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(
         set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
     if (best != set.members.end() && !best->kind->moves_means())
-      spread.undecided.push_back(as_suspect(best->term));
+      inferred.undecided.push_back(as_suspect(best->term));
   }
-  std::ranges::copy(inferred.beside, std::back_inserter(spread.unknown));
+  inferred.unknown.insert(inferred.unknown.begin(), contradictions.begin(), contradictions.end());
 }
 
 }  // namespace fit::explain::inference

@@ -13,9 +13,8 @@ namespace fit::explain {
 struct Suspect {
   const Mechanism* mechanism = nullptr;  ///< Null: something outside the catalogue.
   std::map<std::string, Estimate> parameters;
-  int target = -1;      ///< The only one on which it acts; -1: all.
-  double gain = 0;      ///< Of the log-likelihood.
-  double evidence = 0;  ///< Log Bayes factor.
+  int target = -1;  ///< The only one on which it acts; -1: all.
+  double gain = 0;  ///< Of the log-likelihood.
 };
 
 /// Something that no mechanism of the catalogue explains.
@@ -44,15 +43,6 @@ struct SpreadCurve {
     before.push_back(simulated);
     after.push_back(explained);
   }
-};
-
-/// What noise, echoes, distributions and memory say.
-struct SpreadResult {
-  std::vector<Suspect> accepted;
-  std::vector<Suspect> undecided;  ///< Of every set whose members explain about the same, the best.
-  std::vector<Unexplained> unknown;
-  MeanNoise noise;
-  double sigma_mm = 0;  ///< White noise of one sample, fitted.
 };
 
 }  // namespace fit::explain

@@ -9,14 +9,14 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   const fit::Bench bench;
   fit::explain::Reduced reduced;
   reduced.bench = bench;
-  fit::explain::Findings findings{std::move(reduced), fit::explain::SpreadResult(),
-                                  fit::explain::MeanResult(bench)};
-  const auto notes = [&findings](double rms_mm, double coverage) {
-    findings.means.noise_floor_mm = 0.6;
-    findings.means.before.rms_mm = findings.means.after.rms_mm = rms_mm;
-    findings.means.after.coverage = coverage;
+  fit::explain::inference::Inferred inferred{
+      .kinds = nullptr, .posterior = {}, .means = fit::explain::MeanResult(bench)};
+  const auto notes = [&](double rms_mm, double coverage) {
+    inferred.means.noise_floor_mm = 0.6;
+    inferred.means.before.rms_mm = inferred.means.after.rms_mm = rms_mm;
+    inferred.means.after.coverage = coverage;
     fit::explain::Explanation out;
-    fit::explain::answer::report_doubts(findings, out);
+    fit::explain::answer::report_doubts(reduced, inferred, out);
     return out.notes;
   };
   REQUIRE(notes(11.2, 0).size() == 1);

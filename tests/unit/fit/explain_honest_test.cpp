@@ -291,11 +291,11 @@ TEST_CASE("a flicker is found and taken off the samples' variance") {
     return sum;
   };
   const double before = mean_variance();
-  SpreadResult result;
-  const auto hz = mains::flicker(reduced, {}, {}, result);
+  std::vector<Unexplained> unknown;
+  const auto hz = mains::flicker(reduced, {}, {}, unknown);
   REQUIRE(hz);
   CHECK(*hz == Approx(100.7).margin(0.3));
-  CHECK(result.unknown.size() == 1);
+  CHECK(unknown.size() == 1);
   mains::take_off_flicker(*hz, reduced);
   CHECK(before - mean_variance() == Approx(8 * 8 / 2.0).margin(3));
 }
