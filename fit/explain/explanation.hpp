@@ -30,7 +30,7 @@ struct Found : Finding {
   const Mechanism* mechanism = nullptr;
   double probability = 0;
   std::string says, evidence;
-  double log_likelihood_gain = 0, rms_before_mm = 0, rms_after_mm = 0;
+  double log_likelihood_gain = 0;
   bool gain_is_expected = false;  ///< Not measured on data that it was not fitted to.
 };
 
@@ -64,11 +64,6 @@ struct Explanation {
   std::vector<SeenShape> unnamed_suspects;  ///< Forms that explain nearly as much as one of these.
   std::vector<Suspect> noise_suspects;      ///< The same for noise, lost echoes and intensity.
 
-  /// Adds what acts on something other than means, whose figures do not know what it gains.
-  void add_beside_means(Found found) {
-    after.log_likelihood += found.log_likelihood_gain;
-    mechanisms.push_back(std::move(found));
-  }
   [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
   /// Whether there is something that an experiment could decide.
   [[nodiscard]] bool has_rivals() const { return rivals_in_range() > 1 || noise_suspects.size() > 1; }

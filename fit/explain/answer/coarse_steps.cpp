@@ -12,7 +12,7 @@ namespace {
 /// whoever asks suspects something.
 constexpr double against_any = 4.0 - 1.8;
 
-Found found_steps(const Suspect& suspect, double rms_mm) {
+Found found_steps(const Suspect& suspect) {
   constexpr double by_chance = 4;  // of the gain
   Found found;
   found.mechanism = suspect.mechanism;
@@ -24,7 +24,6 @@ Found found_steps(const Suspect& suspect, double rms_mm) {
   found.gain_is_expected = true;
   found.evidence = "Its log-likelihood is higher by " + rounded(suspect.gain, 3) + ", of which " +
                    rounded(by_chance, 2) + " would be chance.";
-  found.rms_before_mm = found.rms_after_mm = rms_mm;
   return found;
 }
 
@@ -33,7 +32,8 @@ Found found_steps(const Suspect& suspect, double rms_mm) {
 void report_coarse_steps(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
   const auto steps = std::ranges::find(inferred.accepted, find_mechanism("rounding"), &Suspect::mechanism);
   if (steps == inferred.accepted.end() || reduced.bench.knows(steps->mechanism->id)) return;
-  out.add_beside_means(found_steps(*steps, inferred.means.after.rms_mm));
+  out.mechanisms.push_back(found_steps(*steps));
+  out.after.log_likelihood += out.mechanisms.back().log_likelihood_gain;
   out.bench.known.push_back({steps->mechanism->id, steps->parameters, {}});
 }
 

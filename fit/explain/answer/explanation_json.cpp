@@ -12,14 +12,14 @@ namespace {
 
 json number(double v) { return std::isfinite(v) ? json(v) : json(nullptr); }
 
-json found_json(const Found& found) {
+json found_json(const Found& found, const Explanation& e) {
   json parameters = json::object();
-  for (const auto& [name, e] : found.parameters)
-    parameters[name] = {{"value", number(e.value)}, {"u", number(e.u)}};
+  for (const auto& [name, estimate] : found.parameters)
+    parameters[name] = {{"value", number(estimate.value)}, {"u", number(estimate.u)}};
   if (!found.target.empty()) parameters["target"] = found.target;
   json held_out{{"log_likelihood_gain", number(found.log_likelihood_gain)},
-                {"rms_before_mm", number(found.rms_before_mm)},
-                {"rms_after_mm", number(found.rms_after_mm)}};
+                {"rms_before_mm", number((found.gain_is_expected ? e.after : e.before).rms_mm)},
+                {"rms_after_mm", number(e.after.rms_mm)}};
   if (found.gain_is_expected) held_out["log_likelihood_gain_is"] = "expected";
   return {{"mechanism", found.mechanism->id}, {"probability", found.probability},
           {"parameters", parameters},         {"says", found.says},
@@ -74,7 +74,7 @@ json to_json(const Explanation& e) {
                        {"to", number(l.to)},
                        {"observable", name_of(l.observable)},
                        {"p_value", number(l.p_value)}});
-  for (const Found& found : e.mechanisms) mechanisms.push_back(found_json(found));
+  for (const Found& found : e.mechanisms) mechanisms.push_back(found_json(found, e));
   for (const Curve& c : e.curves)
     curves.push_back({{"coordinate", name_of(c.coordinate)},
                       {"at", c.at},

@@ -80,8 +80,7 @@ bool is_of_any_size(const Found& found) {
   return has_size;
 }
 
-void report_named(const Named& named, double gain, const Reduced& reduced, const MeanResult& means,
-                  Explanation& out) {
+void report_named(const Named& named, double gain, const Reduced& reduced, Explanation& out) {
   Found found = found_of(named.term, reduced);
   found.probability = named.probability;
   found.says = found.mechanism->says(found);
@@ -92,8 +91,6 @@ void report_named(const Named& named, double gain, const Reduced& reduced, const
         "for "
         "its size.";
   found.log_likelihood_gain = gain;
-  found.rms_before_mm = means.before.rms_mm;
-  found.rms_after_mm = means.after.rms_mm;
   const auto other_size = std::ranges::find_if(out.mechanisms, [&](const Found& f) {
     return named.term.kind->size && f.mechanism == found.mechanism && f.target == found.target;
   });
@@ -186,8 +183,7 @@ void report(const Reduced& reduced, const Inferred& inferred, Explanation& out) 
   const Posterior& posterior = inferred.posterior;
   for (std::size_t i = 0; i < posterior.named.size(); ++i) {
     const Named& named = posterior.named[i];
-    if (is_confirmed(inferred, i))
-      report_named(named, inferred.gain[i].held_out, reduced, inferred.means, out);
+    if (is_confirmed(inferred, i)) report_named(named, inferred.gain[i].held_out, reduced, out);
   }
   std::set<const Kind*> functions;
   for (const Undecided& set : posterior.undecided)
