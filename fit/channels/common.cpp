@@ -45,9 +45,7 @@ class CommonOfScans final : public model::GammaRows {
 
   template <class Value>
   void add(Columns& base, double sigma, const Value& value) const {
-    Eigen::VectorXd column(rows());
-    for (Eigen::Index i = 0; i < rows(); ++i) column[i] = value(i);
-    base.append(column, Prior::around_zero(1, sigma));
+    base.append(Eigen::VectorXd::NullaryExpr(rows(), value), Prior::around_zero(1, sigma));
   }
 
   /// By how much sectors scatter more than beams of independent noise.

@@ -75,12 +75,10 @@ class Echoes final : public model::NormalRows {
     return reading(row).per_echo * effect.log_echo + effect.log_intensity;
   }
   [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
-    VectorXd logs(rows());
-    for (Index i = 0; i < rows(); ++i) {
+    return VectorXd::NullaryExpr(rows(), [&](Index i) {
       const double u = std::hypot(reading(i).sigma, capture_doubt);
-      logs[i] = -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow((statistic(i) - eta[i]) / u, 2);
-    }
-    return logs;
+      return -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow((statistic(i) - eta[i]) / u, 2);
+    });
   }
   /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
@@ -130,9 +128,7 @@ class Echoes final : public model::NormalRows {
   }
 
   [[nodiscard]] VectorXd column(const std::function<double(const Reading&)>& of_reading) const {
-    VectorXd values(rows());
-    for (Index i = 0; i < rows(); ++i) values[i] = of_reading(reading(i));
-    return values;
+    return VectorXd::NullaryExpr(rows(), [&](Index i) { return of_reading(reading(i)); });
   }
   void add(const MatrixXd& columns, double sigma) {
     append_to_base(columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma)));

@@ -467,8 +467,7 @@ static void take_off(const std::map<int, Complex>& waves, double turn, double pe
     if (!is_new) continue;
     const Group& group = reduced.group_of(s);
     double weight = 0;
-    for (std::size_t i = s.first_cell; i < s.last_cell; ++i) {
-      const Cell& cell = reduced.cells[i];
+    for (const Cell& cell : reduced.cells_of(s)) {
       if (!reduction::is_informative(cell)) continue;
       const double q = reduction::weight_in_scan(cell, group, group.scans);
       const Complex begin = q * wave->second * std::polar(1.0, turn * cell.at.since_move_s);
@@ -507,8 +506,7 @@ void take_off_flicker(double hz, Reduced& reduced) {
       twice += std::polar(1.0 / segment.scans, 2 * turn * k * period_s);
     }
     const Group& of = reduced.groups[static_cast<std::size_t>(group)];
-    for (std::size_t i = of.first_cell; i < of.last_cell; ++i) {
-      Cell& cell = reduced.cells[i];
+    for (Cell& cell : reduced.cells_of(of)) {
       const Complex begin = wave * std::polar(1.0, turn * cell.at.since_move_s);
       const double of_mean = (begin * mean).real(),
                    of_squares = (std::norm(begin) + (begin * begin * twice).real()) / 2;

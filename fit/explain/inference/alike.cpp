@@ -202,9 +202,8 @@ std::vector<Eigen::VectorXd> effect_of(const Fitted& best, const Kind& kind) {
 Eigen::VectorXd constant_function(const ChannelRows& rows, double Effect::*changes) {
   Effect everywhere;
   everywhere.*changes = 1;
-  Eigen::VectorXd column(rows.rows());
-  for (Eigen::Index i = 0; i < rows.rows(); ++i) column[i] = rows.response(i, everywhere);
-  return column;
+  return Eigen::VectorXd::NullaryExpr(rows.rows(),
+                                      [&](Eigen::Index i) { return rows.response(i, everywhere); });
 }
 
 /// Log-likelihood that an effect loses where functions of that kind and a constant stand for it, nuisances as

@@ -19,9 +19,8 @@ Channels channels_of(const Reduced& reduced) {
 
 /// The predictor where nothing is missing.
 Eigen::VectorXd base_predictor(const model::ChannelRows& rows) {
-  Eigen::VectorXd eta(rows.rows());
-  for (Index i = 0; i < eta.size(); ++i) eta[i] = rows.offset(i);
-  return eta + rows.base().columns * rows.base().prior.mean;
+  return Eigen::VectorXd::NullaryExpr(rows.rows(), [&](Index i) { return rows.offset(i); }) +
+         rows.base().columns * rows.base().prior.mean;
 }
 
 /// What a suspect may do in a channel, whatever its size: as it came out, and as its shapes and formula bend.

@@ -25,28 +25,23 @@ std::size_t channel_of(const std::string& id) {
 }
 
 Eigen::VectorXd NormalRows::white_residual(const Eigen::VectorXd& eta) const {
-  Eigen::VectorXd left(rows());
-  for (Eigen::Index i = 0; i < left.size(); ++i) left[i] = statistic(i) - eta[i];
-  return whitened(std::move(left), eta);
+  return whitened(Eigen::VectorXd::NullaryExpr(rows(), [&](Index i) { return statistic(i) - eta[i]; }), eta);
 }
 
 Eigen::VectorXd IndependentRows::log_likelihoods(const Eigen::VectorXd& eta) const {
-  Eigen::VectorXd list(rows());
-  for (Index i = 0; i < rows(); ++i) list[i] = log_likelihood(i, eta[i]);
-  return list;
+  return Eigen::VectorXd::NullaryExpr(rows(), [&](Index i) { return log_likelihood(i, eta[i]); });
 }
 
 Eigen::MatrixXd IndependentRows::whitened(Eigen::MatrixXd columns, const Eigen::VectorXd& eta) const {
-  Eigen::VectorXd root(rows());
-  for (Index i = 0; i < rows(); ++i) root[i] = std::sqrt(information(i, eta[i]));
+  const Eigen::VectorXd root =
+      Eigen::VectorXd::NullaryExpr(rows(), [&](Index i) { return std::sqrt(information(i, eta[i])); });
   for (Index k = 0; k < columns.cols(); ++k) columns.col(k).array() *= root.array();
   return columns;
 }
 
 Eigen::VectorXd IndependentRows::white_residual(const Eigen::VectorXd& eta) const {
-  Eigen::VectorXd list(rows());
-  for (Index i = 0; i < rows(); ++i) list[i] = score(i, eta[i]) / std::sqrt(information(i, eta[i]));
-  return list;
+  return Eigen::VectorXd::NullaryExpr(
+      rows(), [&](Index i) { return score(i, eta[i]) / std::sqrt(information(i, eta[i])); });
 }
 
 namespace {

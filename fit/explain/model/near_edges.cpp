@@ -27,10 +27,9 @@ bool is_at_corner(const Reduced& reduced, const Cell& cell, double blur_rad) {
 bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
   const Cell& cell = reduced.cells[index];
   if (cell.n > 0) return false;
-  const Group& group = reduced.group_of(cell);
+  const auto cells = reduced.cells_of(reduced.group_of(cell));
   const Cell *below = nullptr, *above = nullptr;  // the nearest that see something
-  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-    const Cell& other = reduced.cells[i];
+  for (const Cell& other : cells) {
     if (other.n == 0) continue;
     if (other.beam_rad < cell.beam_rad)
       below = &other;
@@ -38,9 +37,7 @@ bool may_be_a_slit(const Reduced& reduced, std::size_t index) {
       above = &other;
   }
   if (!below || !above || above->beam_rad - below->beam_rad > widest_slit_rad) return false;
-  const auto begin = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.first_cell),
-             end = reduced.cells.begin() + static_cast<std::ptrdiff_t>(group.last_cell);
-  return std::any_of(begin, end, [&](const Cell& other) {
+  return std::ranges::any_of(cells, [&](const Cell& other) {
     return other.n > 0 && other.sight.target != cell.sight.target &&
            other.beam_rad > below->beam_rad - doubt_rad && other.beam_rad < above->beam_rad + doubt_rad;
   });
@@ -59,14 +56,13 @@ bool may_miss_its_target(const Reduced& reduced, std::size_t index) {
   const bool near = to_edge < doubt_rad;
   if (!near && (cell.n > 0 || to_edge > aside_rad)) return false;
   const double from = near ? blur_rad : 0, to = near ? 2 * blur_rad : aside_rad;
-  const Group& group = reduced.group_of(cell);
   const auto sees_it = [&](const Cell& other) {
     return other.sight.target == cell.sight.target && 2 * other.n > other.n + other.stray + other.lost;
   };
   bool below = false, above = false;
-  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-    const double away = reduced.cells[i].beam_rad - cell.beam_rad;
-    if (std::abs(away) < from || std::abs(away) > to || !sees_it(reduced.cells[i])) continue;
+  for (const Cell& other : reduced.cells_of(reduced.group_of(cell))) {
+    const double away = other.beam_rad - cell.beam_rad;
+    if (std::abs(away) < from || std::abs(away) > to || !sees_it(other)) continue;
     (away < 0 ? below : above) = true;
   }
   return !below || !above;

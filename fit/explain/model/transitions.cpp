@@ -176,8 +176,7 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     // Where the stage turns a cell is of several beams, of which an edge parts one from the next.
     if (is_turning(capture)) continue;
     if (!stands_as_before(reduced, g)) standing = g;
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      const Cell& cell = reduced.cells[i];
+    for (const Cell& cell : reduced.cells_of(group)) {
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
       const auto [beams, is_new] = by_edge.try_emplace({standing, cell.edge});
       if (is_new) beams->second.capture = group.capture;

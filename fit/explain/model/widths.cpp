@@ -109,8 +109,8 @@ WidthRows::WidthRows(std::vector<WidthRow> rows)
 /// promises far less, as the likelihood falls by the logarithm.
 double WidthRows::fair_place() const {
   const auto all = [&](double variance, double (WidthLikelihood::*of_one)(double) const) {
-    VectorXd each(rows());
-    for (Index i = 0; i < rows(); ++i) each[i] = (width(i).*of_one)(variance);
+    const VectorXd each =
+        VectorXd::NullaryExpr(rows(), [&](Index i) { return (width(i).*of_one)(variance); });
     return each.sum();
   };
   const double hard = WidthLikelihood::hard_deg2, best = pooled_deg2(widths_),

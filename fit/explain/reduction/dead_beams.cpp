@@ -69,9 +69,7 @@ Sectors leave_out_dead_beams(Reduced& reduced) {
   const std::set<long> silent = silent_beams(reduced.cells);
   std::map<long, double> dead;
   if (!silent.empty())
-    for (const Group& group : reduced.groups)
-      add_witnessed(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell),
-                    silent, dead);
+    for (const Group& group : reduced.groups) add_witnessed(reduced.cells_of(group), silent, dead);
   for (Cell& cell : reduced.cells)
     if (dead.contains(beam_of(cell))) cell.leave_out();
   return sectors_of(dead, reduced);
@@ -108,7 +106,7 @@ Sectors leave_out_odd_beams(Reduced& reduced) {
   std::map<long, Beam> beams;
   std::vector<double> all;
   for (const Group& group : reduced.groups) {
-    const auto cells = std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
+    const auto cells = reduced.cells_of(group);
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (const auto mm = apart_mm(cells, i)) {
         Beam& beam = beams[beam_of(cells[i])];

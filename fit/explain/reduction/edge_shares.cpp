@@ -12,8 +12,7 @@ void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector
   for (const Group& group : reduced.groups) {
     const Scene scene = reduced.scene_of(group, nuisance);
     const std::vector<Edge> edges = edges_there(reduced, group, scene, at_work);
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      Cell& cell = reduced.cells[i];
+    for (Cell& cell : reduced.cells_of(group)) {
       const auto edge = std::ranges::find(edges, cell.edge, &Edge::id);
       if (edge == edges.end()) continue;
       const Effect effect = effect_there(reduced, at_work, cell.at);

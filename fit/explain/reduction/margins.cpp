@@ -59,8 +59,7 @@ void doubt_other_targets(Reduced& reduced, const Nuisance& nuisance, const std::
   const Nuisance there = displaced(reduced, nuisance, at_work);
   for (const Group& group : reduced.groups) {
     const Scene scene = reduced.scene_of(group, there);
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      Cell& cell = reduced.cells[i];
+    for (Cell& cell : reduced.cells_of(group)) {
       if (!cell.smooth) continue;
       const Sight met = scene.look(group.stage_rad, cell.beam_rad, effect_there(reduced, at_work, cell.at));
       if (met.target < 0 || met.target == cell.sight.target) continue;

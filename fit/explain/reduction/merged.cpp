@@ -35,8 +35,7 @@ std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const Sear
   if (!search.take(group)) return runs;
   const Group& all = reduced.groups[group];
   const std::size_t together = search.together(group);
-  for (std::size_t i = all.first_cell; i < all.last_cell; ++i) {
-    const Cell& cell = reduced.cells[i];
+  for (const Cell& cell : reduced.cells_of(all)) {
     if (!cell.smooth) continue;
     if (runs.empty() || runs.back().size() == together ||
         runs.back().back()->sight.target != cell.sight.target || is_apart(cell) ||
@@ -55,8 +54,7 @@ SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t row
       widest_(std::max(static_cast<double>(at_least), numbers::merged_rad / reduced.bench.lidar.step_rad)) {
   for (const Group& group : reduced.groups) {
     double count = 0;
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i)
-      count += !only_smooth || reduced.cells[i].smooth;
+    for (const Cell& cell : reduced.cells_of(group)) count += !only_smooth || cell.smooth;
     cells_.push_back(count);
   }
   // As many rows for every group, but no more than it has.

@@ -28,8 +28,7 @@ double allowed_mm(const Bench& bench, const Sight& sight) {
 /// few.
 std::optional<double> share_that_fits(const Reduced& reduced, const Group& group) {
   double all = 0, fits = 0;
-  for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-    const Cell& cell = reduced.cells[i];
+  for (const Cell& cell : reduced.cells_of(group)) {
     if (cell.n + cell.lost == 0) continue;
     ++all;
     fits += cell.n > 0 && std::abs(cell.mean_mm - cell.nominal_mm) < allowed_mm(reduced.bench, cell.sight);

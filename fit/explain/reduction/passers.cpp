@@ -122,8 +122,7 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
   constexpr int few = 4;  // a quarter
   std::vector<Passer> list;
   for (const Group& group : reduced.groups) {
-    const auto cells =
-        std::span<const Cell>(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell);
+    const auto cells = reduced.cells_of(group);
     const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
     const auto is_before = [&](int i) { return off_mm(at(i)) < 0; };
     auto things =

@@ -60,8 +60,7 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
   for (const Group& group : reduced.groups) {
     const Scene scene = reduced.scene_of(group, nuisance);
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      Cell& cell = reduced.cells[i];
+    for (Cell& cell : reduced.cells_of(group)) {
       if (!cell.smooth) continue;
       const Effect effect = effect_there(reduced, at_work, cell.at);
       const Sight sight = may_leave_out

@@ -41,8 +41,7 @@ class Reassignment {
     for (const Group& group : reduced_.groups) {
       const Scene scene = reduced_.scene_of(group, nuisance_);
       const std::vector<Edge> edges = reduction::edges_there(reduced_, group, scene, at_work_);
-      for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-        Cell& cell = reduced_.cells[i];
+      for (Cell& cell : reduced_.cells_of(group)) {
         if (!cell.doubtful && !cell.smooth) continue;
         const Met now = met_by(cell, group, scene, edges);
         changed += cell.smooth ? leaves_out(cell, now) : takes_in(cell, now, group);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -184,6 +185,15 @@ struct Reduced {
   template <class Part>
   [[nodiscard]] const Group& group_of(const Part& part) const {
     return groups[static_cast<std::size_t>(part.group)];
+  }
+  /// Of a group, or those among which a sector's are.
+  template <class Part>
+  [[nodiscard]] std::span<Cell> cells_of(const Part& part) {
+    return std::span(cells).subspan(part.first_cell, part.last_cell - part.first_cell);
+  }
+  template <class Part>
+  [[nodiscard]] std::span<const Cell> cells_of(const Part& part) const {
+    return std::span(cells).subspan(part.first_cell, part.last_cell - part.first_cell);
   }
   /// The targets as they stand in the group's capture.
   [[nodiscard]] Scene scene_of(const Group& group, const Nuisance& nuisance) const;

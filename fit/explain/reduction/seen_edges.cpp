@@ -96,8 +96,7 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
     if (is_turning(info)) continue;
     const Scene scene = reduced.scene_of(group, nuisance);
     const std::vector<Edge> in_sight = reduction::edges_there(reduced, group, scene, at_work);
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
-      const Cell& cell = reduced.cells[i];
+    for (const Cell& cell : reduced.cells_of(group)) {
       if (cell.far_share < 0 || cell.edge < 0 || cell.n + cell.stray < 2) continue;
       const Target& target = reduced.bench.target_at(cell.edge / 2);
       if (info.target && *info.target == target.name && info.target_shift_mm != 0) continue;

@@ -54,8 +54,7 @@ void steady_echoes(std::span<Cell> cells) {
 }
 
 void steady_echoes(Reduced& reduced) {
-  for (const Group& group : reduced.groups)
-    steady_echoes(std::span(reduced.cells).subspan(group.first_cell, group.last_cell - group.first_cell));
+  for (const Group& group : reduced.groups) steady_echoes(reduced.cells_of(group));
 }
 
 }  // namespace fit::explain::reduction
