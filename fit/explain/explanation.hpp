@@ -8,8 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "fit/explain/model/mean_result.hpp"
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
 #include "fit/explain/prediction.hpp"
 
 namespace fit::explain {

@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "fit/explain/model/mean_result.hpp"
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
 
 namespace fit::explain {
 

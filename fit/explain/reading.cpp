@@ -8,11 +8,8 @@
 #include <utility>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/reduction/dead_beams.hpp"
-#include "fit/explain/reduction/misplaced_captures.hpp"
-#include "fit/explain/reduction/openings.hpp"
+#include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/passers.hpp"
-#include "fit/explain/reduction/single_beams.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 
 namespace fit::explain {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/around/coarse_steps.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -8,6 +6,7 @@
 #include <unsupported/Eigen/FFT>
 #include <vector>
 
+#include "fit/explain/around/around.hpp"
 #include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain {

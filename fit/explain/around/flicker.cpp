@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/around/flicker.hpp"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -10,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/around/around.hpp"
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/reduction/whole_scans.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/around/vibration.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -9,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/around/around.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/numbers.hpp"
 

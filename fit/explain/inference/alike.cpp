@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/alike.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -10,6 +8,7 @@
 #include <set>
 
 #include "fit/explain/inference/screen.hpp"
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/numbers.hpp"
 
 namespace fit::explain::inference {

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 
 namespace fit::explain::inference {

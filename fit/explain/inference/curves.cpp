@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/curves.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <set>
 
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain::inference {

@@ -7,12 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "fit/explain/inference/alike.hpp"
-#include "fit/explain/inference/curves.hpp"
-#include "fit/explain/inference/hold_out.hpp"
-#include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/search.hpp"
-#include "fit/explain/inference/tables.hpp"
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/numbers.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 

@@ -4,7 +4,7 @@
 #include "fit/bench/empirical.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/posterior.hpp"
-#include "fit/explain/model/mean_result.hpp"
+#include "fit/explain/model/results.hpp"
 
 namespace fit::explain::inference {
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/hold_out.hpp"
-
 #include <algorithm>
 #include <cmath>
 
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/numbers.hpp"
 #include "fit/numeric/products.hpp"
 

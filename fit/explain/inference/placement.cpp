@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/placement.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/numeric/median.hpp"
 

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/inference/tables.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include "fit/explain/inference/runs.hpp"
+#include "fit/explain/inference/steps.hpp"
 
 namespace fit::explain::inference {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "fit/explain/model/mean_model.hpp"
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
 
 /// The statistical model of docs/method/model.md: rows in channels, and what acts on them.
 namespace fit::explain::model {

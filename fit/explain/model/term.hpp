@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "fit/explain/model/channel.hpp"
-#include "fit/explain/model/coefficient.hpp"
 #include "fit/explain/model/hypothesis.hpp"
 
 namespace fit::explain::model {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
 #include "fit/explain/model/widths.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 #include "fit/explain/reduction/seen_edges.hpp"

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/dead_beams.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/reduction/left_out.hpp"
 #include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {

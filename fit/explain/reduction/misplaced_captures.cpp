@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/misplaced_captures.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -9,6 +7,7 @@
 #include <utility>
 
 #include "fit/echo.hpp"
+#include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/margins.hpp"
 #include "fit/numeric/median.hpp"
 

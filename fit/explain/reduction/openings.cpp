@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/openings.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
 #include <utility>
 
+#include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/margins.hpp"
 
 namespace fit::explain::reduction {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/single_beams.hpp"
-
 #include <numeric>
 #include <stdexcept>
+
+#include "fit/explain/reduction/left_out.hpp"
 
 namespace fit::explain {
 namespace {

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
-#include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/session.hpp"
+#include "fit/explain/inference/steps.hpp"
 #include "plain_room.hpp"
 #include "plain_scenes.hpp"
 

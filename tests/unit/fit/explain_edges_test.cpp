@@ -8,8 +8,8 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/fit.hpp"
-#include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/screen.hpp"
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/reduction/edge_shares.hpp"
 #include "fit/explain/reduction/margins.hpp"

@@ -5,7 +5,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "fit/explain/around/flicker.hpp"
+#include "fit/explain/around/around.hpp"
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/inference/apart.hpp"
 #include "plain_room.hpp"

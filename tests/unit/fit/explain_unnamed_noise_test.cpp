@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "fit/explain/inference/placement.hpp"
 #include "fit/explain/inference/screen.hpp"
+#include "fit/explain/inference/steps.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 #include "noise_findings.hpp"
 #include "synthetic_recording.hpp"

@@ -4,8 +4,20 @@
 #include <optional>
 #include <vector>
 
-#include "fit/explain/model/mean_model.hpp"
-#include "fit/explain/model/spread.hpp"
+#include "fit/explain/model/results.hpp"
+
+/// What has no rows in the model (docs/method/around-the-model.md).
+namespace fit::explain {
+
+/// Do ranges come in coarse steps? Then `rounding`; and the session knows what such steps do to means and
+/// variances.
+[[nodiscard]] std::optional<Suspect> find_coarse_steps(Reduced& reduced);
+
+/// Does the angle of the stage, or the range, swing at one frequency from scan to scan, with a phase of its
+/// own in every capture? Adds it as unknown. The frequency, Hz.
+[[nodiscard]] std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>& unknown);
+
+}  // namespace fit::explain
 
 namespace fit::explain::mains {
 
