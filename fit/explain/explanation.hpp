@@ -86,11 +86,4 @@ struct Explanation {
 /// The members of an undecided set as people read them.
 [[nodiscard]] std::vector<std::string> suspects_in_words(std::vector<std::string> ids);
 
-/// Where an effect shows (information by bins of its coordinate), and where residuals are significant with a
-/// controlled false-discovery rate.
-[[nodiscard]] std::vector<Located> locate_effect(const MeanModel& model, const Eigen::VectorXd& effect_mm,
-                                                 Coordinate coordinate);
-[[nodiscard]] std::vector<Located> locate_residuals(const MeanModel& model, double false_discoveries);
-[[nodiscard]] Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate);
-
 }  // namespace fit::explain

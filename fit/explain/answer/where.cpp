@@ -4,14 +4,148 @@
 #include <iterator>
 #include <optional>
 #include <set>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/model/extent.hpp"
 #include "fit/explain/model/term.hpp"
 
 namespace fit::explain::answer {
 namespace {
+
+constexpr int bins = 30;
+
+/// Equal parts of a coordinate, and which of them every mean is in; -1: none.
+struct Bins {
+  Bins(const MeanModel& model, Coordinate along) : coordinate(along) {
+    std::vector<double> at;
+    for (Eigen::Index i = 0; i < model.rows(); ++i)
+      all.add(at.emplace_back(coordinate_at(model, coordinate, i)));
+    for (const double v : at) of_row.push_back(std::isfinite(v) ? bin(v) : -1);
+  }
+  [[nodiscard]] bool varies() const { return all.high > all.low; }
+  [[nodiscard]] double width() const { return all.length() / bins; }
+  [[nodiscard]] int bin(double v) const {
+    return std::clamp(static_cast<int>((v - all.low) / std::max(1e-12, width())), 0, bins - 1);
+  }
+  /// Of something over the means in every bin.
+  template <class Of>
+  [[nodiscard]] std::vector<double> sums(const Of& of) const {
+    std::vector<double> list(bins, 0.0);
+    for (std::size_t i = 0; i < of_row.size(); ++i)
+      if (of_row[i] >= 0) list[static_cast<std::size_t>(of_row[i])] += of(static_cast<Eigen::Index>(i));
+    return list;
+  }
+  /// Of a value for every bin, those in the interval.
+  [[nodiscard]] std::span<const double> in(const Located& l, const std::vector<double>& values) const {
+    const int first = bin(l.from + 1e-9), last = bin(l.to - 1e-9);
+    return std::span(values).subspan(static_cast<std::size_t>(first),
+                                     static_cast<std::size_t>(std::max(0, last + 1 - first)));
+  }
+
+  Coordinate coordinate;
+  Extent all;
+  std::vector<int> of_row;
+};
+
+/// Neighbouring marked bins form one interval; a gap of one bin is bridged.
+std::vector<Located> intervals(const Bins& parts, const std::vector<bool>& marked) {
+  std::vector<Located> list;
+  int last = -10;
+  for (int b = 0; b < bins; ++b) {
+    if (!marked[static_cast<std::size_t>(b)]) continue;
+    const double from = parts.all.low + b * parts.width();
+    if (b - last <= 2 && !list.empty())
+      list.back().to = from + parts.width();
+    else
+      list.push_back({parts.coordinate, from, from + parts.width(), Observable::range_mean, 1});
+    last = b;
+  }
+  return list;
+}
+
+double two_sided(double z) { return std::max(1e-300, std::erfc(std::abs(z) / std::sqrt(2.0))); }
+
+/// Sums over bins, by the means' weights.
+std::vector<double> weighted(const Bins& parts, const MeanModel& model, const Eigen::VectorXd& of) {
+  return parts.sums(
+      [&](Eigen::Index i) { return 1 / (model.sigma_of_mean(i) * model.sigma_of_mean(i)) * of[i]; });
+}
+
+/// Where an effect shows, by its information in bins of its coordinate.
+std::vector<Located> locate_effect(const MeanModel& model, const Eigen::VectorXd& effect_mm,
+                                   Coordinate coordinate) {
+  const Bins parts(model, coordinate);
+  const Eigen::VectorXd left = model.remainder(effect_mm);
+  const std::vector<double> information =
+      parts.sums([&](Eigen::Index i) { return std::pow(left[i] / model.sigma_of_mean(i), 2); });
+  const double most = std::ranges::max(information);
+  std::vector<bool> marked;
+  for (const double one : information) marked.push_back(most > 0 && one >= most / 4);
+  auto list = intervals(parts, marked);
+  for (Located& l : list) {
+    double sum = 0;
+    for (const double one : parts.in(l, information)) sum += one;
+    l.p_value = two_sided(std::sqrt(sum));
+  }
+  return list;
+}
+
+/// Where residuals are significant, with a controlled false-discovery rate.
+std::vector<Located> locate_residuals(const MeanModel& model, double false_discoveries) {
+  const Eigen::VectorXd residual = model.residual(), ones = Eigen::VectorXd::Ones(model.rows());
+  std::vector<std::pair<Bins, std::vector<double>>> tested;  // with p of every bin; 1: no means
+  std::vector<double> sorted;
+  for (const Coordinate coordinate :
+       {Coordinate::beam, Coordinate::stage, Coordinate::range, Coordinate::intensity, Coordinate::incidence,
+        Coordinate::time, Coordinate::temperature, Coordinate::stage_rate}) {
+    Bins parts(model, coordinate);
+    if (!parts.varies()) continue;
+    const std::vector<double> sum = weighted(parts, model, residual), weight = weighted(parts, model, ones);
+    std::vector<double> p(bins, 1.0);
+    for (std::size_t b = 0; b < bins; ++b)
+      if (weight[b] > 0) sorted.push_back(p[b] = two_sided(sum[b] / std::sqrt(weight[b])));
+    tested.emplace_back(std::move(parts), std::move(p));
+  }
+  // Benjamini and Hochberg (1995): the largest p below its line, and all smaller ones.
+  std::ranges::sort(sorted);
+  double threshold = 0;
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    if (sorted[i] <= false_discoveries * static_cast<double>(i + 1) / static_cast<double>(sorted.size()))
+      threshold = sorted[i];
+  std::vector<Located> list;
+  for (const auto& [parts, p] : tested) {
+    std::vector<bool> marked;
+    for (const double one : p) marked.push_back(one <= threshold);
+    for (Located l : intervals(parts, marked)) {
+      for (const double one : parts.in(l, p)) l.p_value = std::min(l.p_value, one);
+      list.push_back(l);
+    }
+  }
+  return list;
+}
+
+/// Of the residual means.
+Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate) {
+  Curve curve;
+  curve.coordinate = coordinate;
+  Bins parts(before, coordinate);
+  if (!parts.varies()) return curve;
+  parts.of_row.resize(static_cast<std::size_t>(std::min(before.rows(), after.rows())));
+  const std::vector<double> sum = weighted(parts, before, before.residual()),
+                            less = weighted(parts, before, after.residual()),
+                            weight = weighted(parts, before, Eigen::VectorXd::Ones(before.rows()));
+  for (std::size_t b = 0; b < bins; ++b) {
+    if (weight[b] <= 0) continue;
+    curve.at.push_back(parts.all.low + (static_cast<double>(b) + 0.5) * parts.width());
+    curve.before_mm.push_back(sum[b] / weight[b]);
+    curve.after_mm.push_back(less[b] / weight[b]);
+    curve.sigma_mm.push_back(1 / std::sqrt(weight[b]));
+  }
+  return curve;
+}
 
 double p_value(double evidence) { return std::exp(-std::clamp(evidence, 0.0, 600.0)); }
 

@@ -44,4 +44,12 @@ struct Beams {
 /// whether their mean may be compared with it. Its target is -1 if they meet nothing.
 [[nodiscard]] Cell placed(const Reduced& session, const Setting& setting, const Beams& beams);
 
+/// Robust standard deviation (mm) of one sample: the median over beams of each beam's own; what the bench
+/// states where nothing tells.
+[[nodiscard]] double typical_spread(const Samples& samples, const Bench& bench);
+
+/// Fills in what remains of the samples of a placed cell, and judges by them whether its mean may be
+/// compared. The session counts them; `keep_samples`: and keeps those that belong to the target.
+void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Cell& cell, Reduced& session);
+
 }  // namespace fit::explain::reduction

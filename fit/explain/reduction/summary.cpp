@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/summary.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include "fit/explain/reduction/edge_shares.hpp"
+#include "fit/explain/reduction/placing.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 #include "fit/numeric/median.hpp"
 
