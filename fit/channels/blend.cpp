@@ -64,13 +64,13 @@ model::ChannelKind make_blend() {
     std::vector<model::IndependentRows::Row> rows;
     std::vector<double> shares;
     for (const model::Transition& edge : model::transitions(reduced)) {
-      const int target = edge.edge() / 2;                   // as fit/bench/scene.hpp counts them
+      const int target = edge.edge / 2;                     // as fit/bench/scene.hpp counts them
       if (reduced.bench.target_at(target).round) continue;  // its sides lie anywhere between
       const auto [between, samples] = edge.shared();
       if (samples == 0) continue;
       model::IndependentRows::Row row;
-      row.at = edge.at();
-      row.capture = edge.capture();
+      row.at = edge.at;
+      row.capture = edge.capture;
       row.y = between;
       row.n = samples;
       rows.push_back(row);

@@ -43,7 +43,7 @@ struct EdgeInCaptures {
 /// The target that most beams meet so close to an edge, on one side of it; -1: there are none.
 int target_beside(const Transition& edge, int side) {
   std::map<int, int> beams;
-  for (const Beside& b : edge.beams())
+  for (const Beside& b : edge.beams)
     if (const double inside = side * (b.inside_deg - edge.crossing_deg());
         inside > 0 && inside < model::light_reach_deg)
       ++beams[b.target];
@@ -56,7 +56,7 @@ template <class Call>
 void of_side(const Transition& edge, int side, const Call& call) {
   const double change = edge.crossing_deg();
   const int target = target_beside(edge, side);
-  for (const Beside& b : edge.beams()) {
+  for (const Beside& b : edge.beams) {
     const double inside = b.inside_deg - change;
     if (b.counts > 0 && b.target == target && inside * side > 0 &&
         (side > 0 ? b.far_share <= 0 : b.far_share >= 1))
@@ -128,9 +128,9 @@ std::vector<EdgeInCaptures> edges_of(const Reduced& reduced) {
   constexpr std::size_t most_rows = 60;  // computing time
   std::map<std::tuple<int, std::optional<std::string>, double>, EdgeInCaptures> by_edge;
   for (Transition& seen : model::transitions(reduced)) {
-    if (seen.at().gap_mm < apart_mm || is_round(reduced.bench, target_beside(seen, 1))) continue;
-    const CaptureInfo& capture = reduced.captures[static_cast<std::size_t>(seen.capture())];
-    by_edge[{seen.edge(), capture.target, capture.target_shift_mm}].captures.push_back(std::move(seen));
+    if (seen.at.gap_mm < apart_mm || is_round(reduced.bench, target_beside(seen, 1))) continue;
+    const CaptureInfo& capture = reduced.captures[static_cast<std::size_t>(seen.capture)];
+    by_edge[{seen.edge, capture.target, capture.target_shift_mm}].captures.push_back(std::move(seen));
   }
   std::size_t all = 0;
   std::vector<EdgeInCaptures> edges;
@@ -160,7 +160,7 @@ void add_rows(const EdgeInCaptures& edge, std::vector<model::WidthRow>& rows) {
   std::map<double, std::vector<double>> by_width;
   for (std::size_t k = 0; k < edge.beams.size(); ++k)
     rows.push_back(
-        {edge.captures[k].at(), edge.captures[k].capture(), model::WidthLikelihood([&](double width_deg) {
+        {edge.captures[k].at, edge.captures[k].capture, model::WidthLikelihood([&](double width_deg) {
            const auto [course, is_new] = by_width.try_emplace(width_deg);
            if (is_new) course->second = light.log_likelihoods(width_deg);
            return course->second[k];

@@ -57,11 +57,8 @@ double share_of(const Cell& cell, double sigma_mm) {
 
 }  // namespace
 
-Transition::Transition(int capture, int edge, const Circumstances& at, std::vector<Beside> beams)
-    : capture_(capture), edge_(edge), at_(at), beams_(std::move(beams)) {}
-
 WidthLikelihood Transition::width() const {
-  return WidthLikelihood([this](double width_deg) { return integrated_over_place(beams_, width_deg); });
+  return WidthLikelihood([this](double width_deg) { return integrated_over_place(beams, width_deg); });
 }
 
 Transition::Shared Transition::shared() const {
@@ -73,7 +70,7 @@ Transition::Shared Transition::shared() const {
     double away = 0;       ///< ... and between them, of others, ...
     bool is_seen = false;  ///< ... if there are any.
   } sides[2];
-  for (const Beside& b : beams_) {
+  for (const Beside& b : beams) {
     Side& side = sides[b.inside_deg > edge_deg];
     const bool is_beside = std::abs(b.inside_deg - edge_deg) < reach_deg;
     (is_beside ? side.beside.between : side.away) += b.on_neither;
@@ -90,10 +87,10 @@ Transition::Shared Transition::shared() const {
   return sum;
 }
 
-double Transition::crossing_deg() const { return model::crossing_deg(beams_); }
+double Transition::crossing_deg() const { return model::crossing_deg(beams); }
 
 double Transition::place_deg(double variance_deg2) const {
-  return place_of_edge(beams_, std::sqrt(variance_deg2), crossing_deg()).shift_deg;
+  return place_of_edge(beams, std::sqrt(variance_deg2), crossing_deg()).shift_deg;
 }
 
 namespace {
@@ -188,14 +185,14 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     std::vector<Beside> list = beams.counted();
     const auto [least, most] = std::ranges::minmax(list, {}, &Beside::far_share);
     if (least.far_share < 0.5 && most.far_share > 0.5)
-      all.emplace_back(beams.capture, key.second, beams.at, std::move(list));
+      all.push_back({beams.capture, key.second, beams.at, std::move(list)});
   }
   return all;
 }
 
 std::vector<WidthRow> widths_of(const std::vector<Transition>& all) {
   std::vector<WidthRow> rows;
-  for (const Transition& edge : all) rows.push_back({edge.at(), edge.capture(), edge.width()});
+  for (const Transition& edge : all) rows.push_back({edge.at, edge.capture, edge.width()});
   return rows;
 }
 
@@ -214,7 +211,7 @@ SpreadCurve shares_along(const std::vector<Transition>& all, const Eigen::Vector
     const auto share = [](double inside_deg, double width) {
       return 0.5 * std::erfc(inside_deg / width / std::sqrt(2.0));
     };
-    for (const Beside& b : all[i].beams()) {
+    for (const Beside& b : all[i].beams) {
       const double inside = b.inside_deg - edge_deg, at = (inside / width_deg / reach + 1) / 2;
       if (at < 0 || at >= 1) continue;
       Sums& s = sums[static_cast<std::size_t>(at * points)];

@@ -14,15 +14,12 @@ namespace fit::explain::model {
 /// which the farther surface takes over. The edge's place is a nuisance of each such stand, integrated over:
 /// whatever moves it (mount, target, stage, placement) shows as beams that see one surface or the other,
 /// never as a beam that sees both.
-class Transition {
- public:
-  Transition(int capture, int edge, const Circumstances& at, std::vector<Beside> beams);
+struct Transition {
+  int capture = 0;
+  int edge = 0;  ///< Its id (scene.hpp).
+  Circumstances at;
+  std::vector<Beside> beams;
 
-  [[nodiscard]] int capture() const { return capture_; }
-  /// Its id (scene.hpp).
-  [[nodiscard]] int edge() const { return edge_; }
-  [[nodiscard]] const Circumstances& at() const { return at_; }
-  [[nodiscard]] const std::vector<Beside>& beams() const { return beams_; }
   /// By the shares of the farther surface: the standard deviation of the beams' angles.
   [[nodiscard]] WidthLikelihood width() const;
   /// Samples of beams that may meet both surfaces.
@@ -36,11 +33,6 @@ class Transition {
   [[nodiscard]] double crossing_deg() const;
   /// Where beams that wide have the edge, from where the bench has it.
   [[nodiscard]] double place_deg(double variance_deg2) const;
-
- private:
-  int capture_, edge_;
-  Circumstances at_;
-  std::vector<Beside> beams_;
 };
 
 /// All edges of a session with beams on both sides.
