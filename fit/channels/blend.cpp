@@ -68,13 +68,8 @@ model::ChannelKind make_blend() {
       if (reduced.bench.target_at(target).round) continue;  // its sides lie anywhere between
       const auto [between, samples] = edge.shared();
       if (samples == 0) continue;
-      model::IndependentRows::Row row;
-      row.at = edge.at;
-      row.capture = edge.capture;
-      row.y = between;
-      row.n = samples;
-      rows.push_back(row);
-      shares.push_back(std::min(1.0, row.at.gap_mm / room_mm));
+      rows.push_back({.at = edge.at, .capture = edge.capture, .y = between, .n = samples});
+      shares.push_back(std::min(1.0, edge.at.gap_mm / room_mm));
     }
     if (rows.empty()) return nullptr;
     return std::make_unique<Blends>(std::move(rows), std::move(shares));

@@ -3,10 +3,11 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <map>
+#include <utility>
 
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/readings.hpp"
+#include "fit/explain/model/shared_errors.hpp"
 #include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
@@ -44,21 +45,25 @@ MatrixXd bells(const VectorXd& x, double length) {
   return columns;
 }
 
+std::pair<int, int> by_capture_and_surface(const Reading& r) { return {r.capture, r.surface}; }
+
 /// Logarithms of mean counts against the law that the bench file states: normal around what effects add. A
 /// surface's readings in one capture share an error.
 class Echoes final : public model::NormalRows {
  public:
   Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
+    std::ranges::stable_sort(readings_, {}, by_capture_and_surface);
     std::vector<Row> rows_of_readings;
     for (const Reading& r : readings_) rows_of_readings.push_back({r.at, r.capture, r.off});
     set_rows(std::move(rows_of_readings));
     weight_ = column([](const Reading& r) { return 1 / r.sigma; });
-    std::map<std::pair<int, int>, std::vector<Index>> blocks;
-    for (Index i = 0; i < rows(); ++i) blocks[{reading(i).capture, reading(i).surface}].push_back(i);
     double log_scale = (weight_.array() / std::sqrt(2 * pi)).log().sum();
-    for (auto& [block, list] : blocks) {
-      blocks_.push_back(block_of(std::move(list)));
-      log_scale -= 0.5 * std::log1p(blocks_.back().shared);
+    for (Index first = 0, last = 0; first < rows(); first = last) {
+      while (last < rows() && by_capture_and_surface(reading(last)) == by_capture_and_surface(reading(first)))
+        ++last;
+      VectorXd z = capture_doubt * weight_.segment(first, last - first);
+      log_scale -= 0.5 * std::log1p(z.squaredNorm());
+      shared_.emplace_back(first, std::move(z));
     }
     set_log_scale(log_scale);
     for (int k = 0; k < L::size; ++k) {
@@ -83,12 +88,7 @@ class Echoes final : public model::NormalRows {
   /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
-    for (const Block& block : blocks_)
-      for (Index k = 0; k < columns.cols(); ++k) {
-        double along = 0;
-        for (const Index i : block.rows) along += weight_[i] * columns(i, k);
-        for (const Index i : block.rows) columns(i, k) -= block.less * along * weight_[i];
-      }
+    for (const model::SharedErrors& errors : shared_) errors.whiten(columns);
     return columns;
   }
   [[nodiscard]] VectorXd information(const VectorXd&) const override { return weight_.cwiseAbs2(); }
@@ -103,18 +103,6 @@ class Echoes final : public model::NormalRows {
   }
 
  private:
-  /// Readings of one surface in one capture.
-  struct Block {
-    std::vector<Index> rows;
-    double shared;  ///< The shared error's square in units of the block's own uncertainty.
-    double less;    ///< Of what lies along the block's weights, the part that it takes off.
-  };
-  [[nodiscard]] Block block_of(std::vector<Index> rows) const {
-    double sum = 0;
-    for (const Index i : rows) sum += weight_[i] * weight_[i];
-    const double square = capture_doubt * capture_doubt, shared = square * sum;
-    return {std::move(rows), shared, (1 - 1 / std::sqrt(1 + shared)) * square / shared};
-  }
   [[nodiscard]] const Reading& reading(Index row) const { return readings_[static_cast<std::size_t>(row)]; }
 
   static double slope(const L& law, int k, const Circumstances& at) {
@@ -162,7 +150,7 @@ class Echoes final : public model::NormalRows {
 
   std::vector<Reading> readings_;
   VectorXd weight_;
-  std::vector<Block> blocks_;
+  std::vector<model::SharedErrors> shared_;  ///< Of a surface in a capture.
 };
 
 /// A gain that is not stated is the recording's.
