@@ -21,19 +21,11 @@ Reduced reduce_all(const Together& together, const std::vector<Passer>& passers,
   Reduced all;
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     Standing standing = together.standing(i);
-    const auto before = static_cast<int>(all.captures.size()),
-               here = static_cast<int>(recordings[i]->captures().size());
-    for (const Passer& one : passers)
-      if (const int capture = one.capture - before; capture >= 0 && capture < here)
-        standing.hidden[capture].emplace_back(one.from_rad, one.to_rad);
+    for (const Passer& one : passers) standing.hidden[one.capture].emplace_back(one.from_rad, one.to_rad);
     const auto report = [&](double share, const std::string& what) {
       if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
     };
-    Reduced one = reduce(*recordings[i], report, standing);
-    if (i == 0)
-      all = std::move(one);
-    else
-      append(all, one);
+    reduce_into(all, *recordings[i], report, standing);
   }
   return all;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <span>
 
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/reduction/together.hpp"
@@ -246,25 +247,25 @@ Reduced pooled(Reduced all) {
   return all;
 }
 
-/// As if so many times the scans had been made: the same statistics, of more samples.
-Reduced with_more_scans(Reduced imagined, int times) {
-  for (Cell& cell : imagined.cells) cell.n *= times;
-  for (Group& group : imagined.groups) {
+/// One more recording, as if so many times its scans had been made: the same statistics, of more samples.
+void add(const Recording& more, int times, Reduced& all, const Standing& standing = {}) {
+  const std::size_t cells = all.cells.size(), groups = all.groups.size();
+  reduce_into(all, more, {}, standing);
+  for (Cell& cell : std::span(all.cells).subspan(cells)) cell.n *= times;
+  for (Group& group : std::span(all.groups).subspan(groups)) {
     group.scans *= times;
     for (double& sum : group.lagged) sum *= times;
     group.lagged_squares *= times;
     group.pairs *= times;
   }
-  return imagined;
 }
 
 /// Before one bench that holds the targets of all; the last one's scans count so many times.
 Reduced reduced_together(const std::vector<const Recording*>& list, int times = 1) {
   const Together together(list);
-  Reduced all = reduce(*together.recordings().front(), {}, together.standing(0));
-  for (std::size_t i = 1; i < list.size(); ++i)
-    append(all, with_more_scans(reduce(*together.recordings()[i], {}, together.standing(i)),
-                                i + 1 == list.size() ? times : 1));
+  Reduced all;
+  for (std::size_t i = 0; i < list.size(); ++i)
+    add(*together.recordings()[i], i + 1 == list.size() ? times : 1, all, together.standing(i));
   return all;
 }
 
@@ -364,7 +365,7 @@ std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& 
   if (so_far.groups.empty()) return {};
   const auto with = [&so_far](const Recording& more, int times) {
     Reduced all = so_far;
-    append(all, with_more_scans(reduce(more, {}), times));
+    add(more, times, all);
     return pooled(std::move(all));
   };
   return telling(possible_experiments(so_far.bench, travel), explanation,

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <span>
+#include <utility>
 
 #include "fit/bench/empirical.hpp"
 #include "fit/bench/radiometer.hpp"
@@ -37,20 +40,24 @@ using namespace reduction;
 constexpr int scans_per_group = 200;  // a longer capture is split in time
 constexpr int turning_beams = 3;      // beams taken together where every scan has its own stage angle
 
-/// The session before any of its scans is read.
-Reduced unread(const Recording& recording, const Standing& standing) {
-  Reduced out;
-  out.bench = recording.bench();
-  out.empirical = empirical_mechanisms(out.bench);
-  out.captures = recording.captures();
-  out.absent = standing.absent;
+/// One more recording, before any of its scans is read.
+void begin(const Recording& recording, const Standing& standing, Reduced& out) {
+  constexpr std::size_t strays_at_most = 5000;
+  if (out.captures.empty()) {
+    out.bench = recording.bench();
+    out.empirical = empirical_mechanisms(out.bench);
+    out.same_as = standing.same_as;
+    for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
+      out.same_as.push_back(static_cast<int>(t));
+    out.shown.assign(1 << 16, 0);
+  }
+  std::ranges::copy(recording.captures(), std::back_inserter(out.captures));
+  std::ranges::copy(standing.absent, std::back_inserter(out.absent));
   out.absent.resize(out.captures.size());
-  out.same_as = standing.same_as;
-  for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
-    out.same_as.push_back(static_cast<int>(t));
-  out.shown.assign(1 << 16, 0);
+  out.most_strays = out.strays_mm.size() + strays_at_most;
+  const double before_c = out.reference_temperature_c;
   out.reference_temperature_c = reference_temperature(out.captures).value_or(0);
-  return out;
+  for (Cell& cell : out.cells) cell.at.temperature_k += before_c - out.reference_temperature_c;
 }
 
 /// Reads one capture's scans into blocks and reduces each.
@@ -60,12 +67,14 @@ class Reducer {
       : recording_(recording),
         standing_(standing),
         out_(out),
+        first_capture_(out.captures.size() - recording.captures().size()),
         as_stated_(recording.bench()),
         keep_samples_(keep_samples),
         turns_(recording.bench().lidar.scan_hz) {}
 
   void capture(std::size_t index) {
-    const CaptureInfo& info = out_.captures[index];
+    const std::size_t capture = first_capture_ + index;
+    const CaptureInfo& info = out_.captures[capture];
     const int most_scans = is_turning(info) ? 1 : scans_per_group;
     Samples columns;  // of the capture, without scans
     Samples block;
@@ -79,10 +88,10 @@ class Reducer {
       if (block.scans == 0) block = columns;
       if (!block.add(scan, info, turns_)) return;
       if (block.scans < most_scans) return;
-      reduce_block(block, index);
+      reduce_block(block, capture);
       block.scans = 0;
     });
-    if (block.scans > 0) reduce_block(block, index);
+    if (block.scans > 0) reduce_block(block, capture);
   }
 
  private:
@@ -151,6 +160,7 @@ class Reducer {
   const Recording& recording_;
   const Standing& standing_;
   Reduced& out_;
+  std::size_t first_capture_;
   Nuisance as_stated_;
   bool keep_samples_;
   TurnCounter turns_;
@@ -159,26 +169,33 @@ class Reducer {
 
 /// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,
 /// distance and incidence make.
-void expect_echoes(Reduced& session) {
-  if (session.has_intensity) return;
+void expect_echoes(Reduced& session, std::size_t first_cell) {
   const IntensityLaw law = law_of_bench(session.bench);
-  for (Cell& cell : session.cells)
+  for (Cell& cell : std::span(session.cells).subspan(first_cell))
     cell.at.intensity =
         law.counts(reflectance_of(session, cell), cell.sight.cos_incidence(), cell.sight.range_mm);
 }
 
 }  // namespace
 
+void reduce_into(Reduced& reduced, const Recording& recording, const Progress& progress,
+                 const Standing& standing, bool keep_samples) {
+  const std::size_t first_cell = reduced.cells.size(), captures = recording.captures().size();
+  const bool had_intensity = std::exchange(reduced.has_intensity, false);
+  begin(recording, standing, reduced);
+  Reducer reducer(recording, standing, reduced, keep_samples);
+  for (std::size_t i = 0; i < captures; ++i) {
+    reducer.capture(i);
+    if (progress && i % 8 == 0) progress(static_cast<double>(i) / static_cast<double>(captures), "reading");
+  }
+  if (!reduced.has_intensity) expect_echoes(reduced, first_cell);
+  reduced.has_intensity |= had_intensity;
+}
+
 Reduced reduce(const Recording& recording, const Progress& progress, const Standing& standing,
                bool keep_samples) {
-  Reduced out = unread(recording, standing);
-  Reducer reducer(recording, standing, out, keep_samples);
-  for (std::size_t i = 0; i < out.captures.size(); ++i) {
-    reducer.capture(i);
-    if (progress && i % 8 == 0)
-      progress(static_cast<double>(i) / static_cast<double>(out.captures.size()), "reading");
-  }
-  expect_echoes(out);
+  Reduced out;
+  reduce_into(out, recording, progress, standing, keep_samples);
   return out;
 }
 

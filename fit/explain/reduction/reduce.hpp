@@ -157,9 +157,10 @@ struct Reduced {
   std::vector<float> kept;  ///< Samples that belong to the targets, cell after cell; empty unless asked for.
   std::vector<float> beside;  ///< Samples of cells beside edges: which surface they met is asked again.
   std::vector<long> shown;    ///< How often every whole millimetre was among the samples.
-  /// Samples too far from their target for any noise, the first thousands: in mm, and as a share of the way
-  /// to the target.
+  /// Samples too far from their target for any noise, the first thousands of a recording: in mm, and as a
+  /// share of the way to the target.
   std::vector<float> strays_mm, strays_of_target;
+  std::size_t most_strays = 0;  ///< With those of the recording that is being read.
   std::vector<Passer> passers;  ///< Seen in some scans of a capture.
   std::vector<int> unmet;       ///< Targets that hardly a beam meets where the bench file has them.
   long samples = 0;
@@ -203,7 +204,8 @@ struct Reduced {
 struct Standing {
   std::vector<Absent> absent;  ///< For every capture.
   std::vector<int> same_as;    ///< For every target; what belongs to a thing goes with it to another place.
-  /// For every capture, between which beams, rad, something else hides all that the bench describes.
+  /// For captures, counted through all recordings, between which beams, rad, something else hides all that
+  /// the bench describes.
   std::map<int, std::vector<std::pair<double, double>>> hidden;
 };
 
@@ -212,6 +214,9 @@ using Progress = std::function<void(double share, const std::string& what)>;
 /// Of work whose end nobody knows, such as a search.
 inline constexpr double unknown_share = -1;
 
+/// Walks one more recording before the same bench.
+void reduce_into(Reduced& reduced, const Recording& recording, const Progress& progress,
+                 const Standing& standing = {}, bool keep_samples = false);
 /// Walks the recording once. Cells of captures about nothing in the scene are left out.
 [[nodiscard]] Reduced reduce(const Recording& recording, const Progress& progress,
                              const Standing& standing = {}, bool keep_samples = false);
@@ -257,9 +262,6 @@ class SearchRows {
 [[nodiscard]] std::vector<std::vector<const Cell*>> taken_together(const Reduced& reduced, std::size_t rows);
 /// Of more, neighbours come together in a bin of any picture or table anyway.
 constexpr std::size_t rows_for_tables = 100'000;
-
-/// Joins the cells of another session on the same bench.
-void append(Reduced& reduced, const Reduced& other);
 
 /// Nominal reflectance of what a cell's beam meets, 0..1.
 [[nodiscard]] inline double reflectance_of(const Reduced& reduced, const Cell& cell) {

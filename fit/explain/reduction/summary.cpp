@@ -10,8 +10,6 @@
 namespace fit::explain::reduction {
 namespace {
 
-constexpr std::size_t strays_at_most = 5000;
-
 /// What came back to a cell.
 struct Returned {
   std::vector<double> ranges_mm;  ///< Brought to the cell's middle.
@@ -141,7 +139,7 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
     if (std::abs(off) <= too_far_mm) continue;
     ++cell.far;
     if (std::abs(off) < of_noise.close_mm) ++(off > 0 ? cell.late : cell.early);
-    if (!cell.smooth || session.strays_mm.size() >= strays_at_most) continue;
+    if (!cell.smooth || session.strays_mm.size() >= session.most_strays) continue;
     session.strays_mm.push_back(static_cast<float>(range));
     session.strays_of_target.push_back(static_cast<float>(range / middle_mm));
   }

@@ -427,7 +427,7 @@ std::unique_ptr<SyntheticRecording> at_temperature(std::optional<double> celsius
 TEST_CASE("temperatures of several sessions count from the first that was read") {
   const auto cool = at_temperature(20, 0), warm = at_temperature(32, 6);
   auto all = fit::explain::reduce(*cool, {});
-  append(all, fit::explain::reduce(*warm, {}));
+  reduce_into(all, *warm, {});
   CHECK(all.cells.front().at.temperature_k == 0);
   CHECK(all.cells.back().at.temperature_k == 12);
   const Explanation e = explain({cool.get(), warm.get()}, {});
@@ -464,8 +464,8 @@ TEST_CASE("temperatures of sessions count from a housing that is not heated wher
   const auto cool = at_temperature(18, 0), unread = at_temperature({}, 0), hot = at_temperature(38, 0);
   auto all = fit::explain::reduce(*cool, {});
   CHECK(all.cells.front().at.temperature_k == 0);
-  append(all, fit::explain::reduce(*unread, {}));
-  append(all, fit::explain::reduce(*hot, {}));
+  reduce_into(all, *unread, {});
+  reduce_into(all, *hot, {});
   CHECK(all.cells.front().at.temperature_k == 18 - fit::explain::steady_c);
   CHECK(all.cells.back().at.temperature_k == 38 - fit::explain::steady_c);
 }
