@@ -19,6 +19,8 @@ class StraightLine {
   [[nodiscard]] double points() const { return n_; }
   /// Sum of squares of x about its mean.
   [[nodiscard]] double spread() const { return xx_; }
+  /// Of x, and of y.
+  [[nodiscard]] double middle() const { return x_; }
   [[nodiscard]] double mean() const { return y_; }
   /// Not a number of fewer than two places.
   [[nodiscard]] double slope() const { return xy_ / xx_; }

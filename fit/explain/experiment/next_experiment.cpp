@@ -9,6 +9,7 @@
 
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/reduction/together.hpp"
+#include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain {
 namespace {
@@ -22,22 +23,14 @@ struct Brightness {
 
   static Brightness of(const Reduced& reduced) {
     Brightness b;
-    double n = 0, x = 0, y = 0, xx = 0, xy = 0;
-    for (const Cell& cell : reduced.cells) {
-      if (!cell.smooth || !(cell.counts > 1)) continue;
-      const CaptureInfo& info = reduced.capture_of(cell);
-      const double lx = std::log(echo_power(info, reduced.bench, cell.sight)),
-                   ly = std::log(cell.at.intensity);
-      n += 1;
-      x += lx;
-      y += ly;
-      xx += lx * lx;
-      xy += lx * ly;
-    }
-    const double spread = n * xx - x * x;
-    if (n < 10 || spread < 1e-3 * n * n) return b;
-    b.exponent = std::clamp((n * xy - x * y) / spread, 0.1, 1.5);
-    b.log_gain = (y - b.exponent * x) / n;
+    StraightLine line;
+    for (const Cell& cell : reduced.cells)
+      if (cell.smooth && cell.counts > 1)
+        line.add(std::log(echo_power(reduced.capture_of(cell), reduced.bench, cell.sight)),
+                 std::log(cell.at.intensity));
+    if (line.points() < 10 || line.spread() < 1e-3 * line.points()) return b;
+    b.exponent = std::clamp(line.slope(), 0.1, 1.5);
+    b.log_gain = line.mean() - b.exponent * line.middle();
     return b;
   }
   [[nodiscard]] double counts(double power) const { return std::exp(log_gain + exponent * std::log(power)); }
