@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include "fit/explain/inference/alike.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -69,12 +71,6 @@ class MayBe {
   const Mechanism* term_;
   std::map<Coordinate, bool> known_;
 };
-
-/// The log-likelihood that another name for what gains so much may lose: no formula is right to better than
-/// its error.
-double hardly_worse(const Mechanism& mechanism, double gain) {
-  return std::max(numbers::fits_as_well, mechanism.formula_error * mechanism.formula_error * gain);
-}
 
 /// Whether another hypothesis fits as well, all in all and in every channel, as the best one does with a
 /// mechanism.
@@ -179,108 +175,6 @@ std::vector<Member> pairs_of(const Session& session, const Explored& explored, W
   return members;
 }
 
-/// Whether it is an unnamed function of what the mechanism acts on, whatever its coordinate.
-bool is_function_where_acts(const Kind& form, const Kind& mechanism) {
-  return form.is_form() && std::ranges::count(mechanism.ways, form.functions->changes) > 0;
-}
-
-/// What a term of the best hypothesis does to all channels, by their information there.
-std::vector<Eigen::VectorXd> effect_of(const Fitted& best, const Kind& kind) {
-  std::size_t t = 0;
-  while (best.hypothesis.terms[t].kind != &kind) ++t;
-  const Design::Block& block = best.design.blocks[t];
-  std::vector<Eigen::VectorXd> effect;
-  for (std::size_t c = 0; c < best.optimum.white.size(); ++c) {
-    effect.push_back(Eigen::VectorXd::Zero(best.optimum.white[c].rows()));
-    best.design.parts[c].add(best.optimum.white[c], best.optimum.x, effect.back(), block.first, block.end());
-  }
-  return effect;
-}
-
-/// What a function that is the same everywhere does to a channel.
-Eigen::VectorXd constant_function(const ChannelRows& rows, double Effect::*changes) {
-  Effect everywhere;
-  everywhere.*changes = 1;
-  return Eigen::VectorXd::NullaryExpr(rows.rows(),
-                                      [&](Eigen::Index i) { return rows.response(i, everywhere); });
-}
-
-/// Log-likelihood that an effect loses where functions of that kind and a constant stand for it, nuisances as
-/// their priors allow.
-double loss_as_function(const Session& session, const Fitted& best, const Kind& form,
-                        const std::vector<double>& values, const std::vector<Eigen::VectorXd>& effect) {
-  double loss = 0;
-  for (std::size_t c = 0; c < effect.size(); ++c) {
-    if (effect[c].isZero(0)) continue;
-    Eigen::MatrixXd functions(effect[c].size(), 0);
-    if (form.acts_in[c]) {
-      const ChannelRows& rows = *session.channels()[c];
-      functions = model::columns_of(rows, form, values);
-      functions.conservativeResize(Eigen::NoChange, functions.cols() + 1);
-      functions.rightCols(1) = constant_function(rows, form.functions->changes);
-      functions = rows.whitened(std::move(functions), best.optimum.eta[c]);
-    }
-    const Eigen::Index nuisances = session.channels()[c]->base().prior.mean.size(),
-                       all = functions.cols() + nuisances;
-    Eigen::MatrixXd columns(effect[c].size(), all);
-    columns << functions, best.optimum.white[c].leftCols(nuisances);
-    Eigen::MatrixXd information = columns.transpose() * columns;
-    information.diagonal().tail(nuisances).array() += 1;
-    const Eigen::VectorXd pull = columns.transpose() * effect[c];
-    loss += (effect[c].squaredNorm() - pull.dot(information.ldlt().solve(pull))) / 2;
-  }
-  return loss;
-}
-
-/// Of less than two periods nobody sees that something repeats.
-bool may_not_repeat(const Session& session, const Term& term) {
-  const Mechanism& m = *term.kind->mechanism;
-  const auto period = m.parameter_of(Parameter::Scale::wavelength);
-  const auto& means = session.channels()[model::channel_of("mean")];
-  if (!period || !means) return false;
-  std::vector<double> places;
-  for (Eigen::Index i = 0; i < means->rows(); ++i)
-    if (const double at = model::coordinate_of(m.coordinate, means->at(i)); std::isfinite(at))
-      places.push_back(at);
-  if (places.empty()) return false;
-  std::ranges::sort(places);
-  const auto quantile = [&](double share) {
-    return places[static_cast<std::size_t>(share * static_cast<double>(places.size() - 1))];
-  };
-  return quantile(0.95) - quantile(0.05) < 2 * term.values[*period];
-}
-
-/// Smooth functions that may be what a mechanism is taken for. Where one stands beside it its formula does
-/// not fit, and functions of that coordinate that do without it as well as the recording tells may; so may
-/// any of the mechanism's own where it is called a wave that may not repeat.
-std::vector<Member> functions_instead(const Session& session, const Fitted& best, const Named& named) {
-  if (!best.hypothesis.has(*named.term.kind)) return {};  // named by many others that outweigh the best
-  std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
-  double gain = 0;
-  for (const Eigen::VectorXd& in_channel : effect) gain += in_channel.squaredNorm() / 2;
-  const bool may_be_any = may_not_repeat(session, named.term);
-  std::set<Coordinate> coordinates;
-  if (may_be_any) coordinates.insert(named.term.kind->mechanism->coordinate);
-  for (const Term& own : best.hypothesis.terms) {
-    if (!is_function_where_acts(*own.kind, *named.term.kind)) continue;
-    coordinates.insert(own.kind->mechanism->coordinate);
-    const std::vector<Eigen::VectorXd> of_function = effect_of(best, *own.kind);
-    for (std::size_t c = 0; c < effect.size(); ++c) effect[c] += of_function[c];
-  }
-  if (coordinates.empty()) return {};
-  for (const Kind& kind : session.kinds()) {
-    if (!is_function_where_acts(kind, *named.term.kind) ||
-        !coordinates.contains(kind.mechanism->coordinate) ||
-        !(kind.form->form->scaled || kind.form->form->of_all_targets))
-      continue;
-    for (const std::vector<double>& values : kind.starts)
-      if (may_be_any || loss_as_function(session, best, kind, values, effect) <
-                            hardly_worse(*named.term.kind->mechanism, gain))
-        return {{&kind, named.probability, {.kind = &kind, .values = values, .sigma = {}}}};
-  }
-  return {};
-}
-
 /// What the other terms leave of their causes may look like a mechanism, which gains at most as much as that
 /// costs (docs/method/model.md, 7). A function that nobody stated is its cause to within a share of it. So is
 /// a formula; where its smooth deviations are in the model, they leave the same share of what it errs by.
@@ -366,6 +260,10 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
 }
 
 }  // namespace
+
+double hardly_worse(const Mechanism& mechanism, double gain) {
+  return std::max(numbers::fits_as_well, mechanism.formula_error * mechanism.formula_error * gain);
+}
 
 double share_left(const Fitted& best, std::size_t term) {
   const double error = best.hypothesis.terms[term].kind->mechanism->formula_error;
