@@ -228,11 +228,36 @@ void trim(EdgeCrossing& crossing, const EdgeOptions& options) {
         stops[i].stage_rad - stops[i - 1].stage_rad > same_angle_rad)
       least = std::min(least, stops[i].stage_rad - stops[i - 1].stage_rad);
   crossing.step_rad = least < 1e9 ? least : 0;
-  for (const EdgeStop& stop : stops) {
-    if (stop.state != EdgeStop::State::jitter) continue;
-    if (!crossing.jitter_rad) crossing.jitter_rad = {stop.stage_rad, stop.stage_rad};
-    crossing.jitter_rad->second = stop.stage_rad;
-  }
+}
+
+/// Counts the window in stops of one series. Nothing where it was not passed evenly from a smooth stop to a
+/// smooth stop.
+std::optional<CountedWindow> count_window(const std::vector<EdgeStop>& series) {
+  const auto jitters = [](const EdgeStop& stop) { return stop.state == EdgeStop::State::jitter; };
+  const auto first = std::ranges::find_if(series, jitters);
+  const auto behind = std::find_if(series.rbegin(), series.rend(), jitters).base();
+  if (first == series.begin() || first == series.end() || behind == series.end()) return std::nullopt;
+  std::vector<double> gaps;
+  for (auto stop = first; stop != behind + 1; ++stop)
+    if (const double gap = stop->stage_rad - (stop - 1)->stage_rad; gap > same_angle_rad) gaps.push_back(gap);
+  if (gaps.empty()) return std::nullopt;
+  std::ranges::sort(gaps);
+  const double step_rad = gaps[gaps.size() / 2];
+  if (gaps.back() > 1.2 * step_rad) return std::nullopt;
+  return CountedWindow{first->stage_rad, (behind - 1)->stage_rad, step_rad};
+}
+
+/// The search for an edge stops where it likes, also between the stops of the sweep that follows: each step
+/// of the procedure is counted by itself.
+std::optional<CountedWindow> finest_count(const EdgeCrossing& crossing, const Recording& recording) {
+  std::map<std::string, std::vector<EdgeStop>> series;
+  for (const EdgeStop& stop : crossing.stops) series[recording.captures()[stop.capture].step].push_back(stop);
+  std::optional<CountedWindow> finest;
+  for (const auto& [step, stops] : series)
+    if (const auto counted = count_window(stops);
+        counted && (!finest || counted->step_rad < finest->step_rad))
+      finest = counted;
+  return finest;
 }
 
 /// Distance between the last stop wholly in front and the first wholly behind.
@@ -267,6 +292,7 @@ std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording, const 
       crossing.beam_rad = bench.lidar.beam_angle(crossing.step);
       crossing.approach = std::get<1>(key);
       trim(crossing, options);
+      crossing.counted = finest_count(crossing, recording);
       const double width = bracket(crossing);
       if (width > options.least_gap_rad || width < 0) continue;
       crossing.response = fit_edge_response(crossing.stops, passage.rising(), u_stop_rad);

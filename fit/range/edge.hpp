@@ -32,6 +32,13 @@ struct EdgeResponse {
   int stops_inside = 0;   ///< Stops that jitter: with none, the window is only bounded from above.
 };
 
+/// The paper's way: the stage angles of the first and last stop that jitter, in ascending order, of a series
+/// of stops `step_rad` apart.
+struct CountedWindow {
+  double first_rad = 0, last_rad = 0, step_rad = 0;
+  [[nodiscard]] double width_rad() const { return last_rad - first_rad + step_rad; }
+};
+
 /// One beam passing a target's edge while the stage turns (source A, experiment A4).
 struct EdgeCrossing {
   int step = 0;  ///< The beam.
@@ -41,8 +48,9 @@ struct EdgeCrossing {
   double front_mm = 0, back_mm = 0;  ///< Levels; back 0: nothing is there.
   std::vector<EdgeStop> stops;       ///< Those near the edge, by stage angle.
   EdgeResponse response;
-  /// The paper's way: the stage angles of the first and last stop that jitter, in ascending order.
-  std::optional<std::pair<double, double>> jitter_rad;
+  /// From the stops of one step of the procedure, which passed the window evenly and has a smooth stop on
+  /// both sides; of several the finest. Stops of others may lie between.
+  std::optional<CountedWindow> counted;
   double step_rad = 0;  ///< Smallest distance of stops about the edge.
 };
 

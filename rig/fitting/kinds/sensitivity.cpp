@@ -119,20 +119,6 @@ void add_stage_angle(UncertaintyBudget& budget, const fit::Bench& bench, double 
   }
 }
 
-/// Whether the window was stepped through evenly, with a smooth stop before and after: only then can stops be
-/// counted.
-bool evenly_stepped(const fit::EdgeCrossing& crossing) {
-  using State = fit::EdgeStop::State;
-  const auto jitters = [](const fit::EdgeStop& stop) { return stop.state == State::jitter; };
-  const auto& stops = crossing.stops;
-  const auto first = std::find_if(stops.begin(), stops.end(), jitters);
-  const auto last = std::find_if(stops.rbegin(), stops.rend(), jitters).base();  // One behind it.
-  if (first == stops.end() || first == stops.begin() || last == stops.end()) return false;
-  for (auto stop = first; stop != last + 1; ++stop)
-    if (stop->stage_rad - (stop - 1)->stage_rad > 1.2 * crossing.step_rad) return false;
-  return true;
-}
-
 /// Difference of the edge's stage angle between the two directions of approach: the play of the stage.
 void add_backlash(json& out, const std::vector<SourcedCrossing>& crossings, double u_resolution_rad) {
   for (const auto& a : crossings)
@@ -164,8 +150,8 @@ class Sensitivity : public Fitting {
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const EdgeSource source = read_edges(sources, options);
     const auto best_window = [](const SourcedCrossing& a, const SourcedCrossing& b) {
-      const bool even_a = evenly_stepped(a.crossing), even_b = evenly_stepped(b.crossing);
-      if (even_a != even_b) return even_a;
+      const bool counted_a = a.crossing.counted.has_value(), counted_b = b.crossing.counted.has_value();
+      if (counted_a != counted_b) return counted_a;
       return a.crossing.response.window_rad.u < b.crossing.response.window_rad.u;
     };
     const fit::EdgeCrossing& best =
@@ -208,23 +194,19 @@ class Sensitivity : public Fitting {
         window.add(line, line.u * line.per_unit / std::numbers::sqrt2 * window_deg);
     }
     window.publish(out, window_deg);
-    if (evenly_stepped(best)) {
-      const double counted = best.jitter_rad->second - best.jitter_rad->first + best.step_rad;
+    if (best.counted) {
+      const fit::Estimate counted{best.counted->width_rad() * fit::deg_per_rad,
+                                  best.counted->step_rad / std::sqrt(6.0) * fit::deg_per_rad};
       out["values"].push_back(result_value(
-          "window_counted_deg", "Edge transition width by counting (Zhao et al.)",
-          {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}, "deg"));
+          "window_counted_deg", "Edge transition width by counting (Zhao et al.)", counted, "deg"));
       compare_methods(
           out, window_label,
           {"by the share of samples", {window_deg, window.u()}, fit::coverage_factor(window.freedom())},
-          {"by counting stops",
-           {counted * fit::deg_per_rad, best.step_rad / std::sqrt(6.0) * fit::deg_per_rad}},
-          "deg");
+          {"by counting stops", counted}, "deg");
     } else {
       out["undetermined"].push_back(
           "the edge transition width by counting (Zhao et al.): no edge was swept in even steps with a "
-          "smooth stop "
-          "on "
-          "both sides. Add a sweep of 0.01 deg steps through the edge.");
+          "smooth stop on both sides. Add a sweep of 0.01 deg steps through the edge.");
     }
     UncertaintyBudget edge("edge_deg", "Stage angle at which the beam is on the edge", "deg");
     edge.add({.source = "samples and stops (posterior)",

@@ -47,12 +47,14 @@ SyntheticRecording edge_bench(double edge_deg, double window_deg, Shape shape, u
           }};
 }
 
-void sweep(SyntheticRecording& recording, double from_deg, double to_deg, double step_deg, long scans) {
+void sweep(SyntheticRecording& recording, double from_deg, double to_deg, double step_deg, long scans,
+           const std::string& step = {}) {
   for (double angle = from_deg; angle < to_deg + 1e-9; angle += step_deg) {
     fit::CaptureInfo capture;
     capture.stage_rad = angle * deg;
     capture.approach = 1;
     capture.target = "board";
+    capture.step = step;
     capture.first_step = 540, capture.last_step = 544;
     recording.add(capture, scans);
   }
@@ -79,10 +81,24 @@ TEST_CASE("a sweep over a board's edge gives its angle and the window of jitter 
   CHECK(std::abs(crossing.response.window_rad.value / deg - 0.05) < 3 * crossing.response.window_rad.u / deg);
   CHECK(crossing.response.window_rad.u / deg < 0.003);
   CHECK(crossing.response.ramp_probability > 0.9);
-  REQUIRE(crossing.jitter_rad);
-  CHECK(crossing.jitter_rad->first / deg == Approx(40.00));
-  CHECK(crossing.jitter_rad->second / deg == Approx(40.04));
-  CHECK(crossing.step_rad / deg == Approx(0.01));
+  REQUIRE(crossing.counted);
+  CHECK(crossing.counted->first_rad / deg == Approx(40.00));
+  CHECK(crossing.counted->last_rad / deg == Approx(40.04));
+  CHECK(crossing.counted->step_rad / deg == Approx(0.01));
+}
+
+TEST_CASE("the window is counted in the sweep's own stops, also where a search stopped between them") {
+  auto recording = edge_bench(40.023, 0.05, Shape::ramp, 1);
+  sweep(recording, 39.905, 40.155, 0.05, 200, "find-edge 1");
+  sweep(recording, 40.003, 40.04, 0.017, 200, "find-edge 1");
+  sweep(recording, 39.9, 40.15, 0.01, 1000, "sweep 2");
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  CHECK(crossing.step_rad / deg < 0.006);
+  REQUIRE(crossing.counted);
+  CHECK(crossing.counted->first_rad / deg == Approx(40.00));
+  CHECK(crossing.counted->last_rad / deg == Approx(40.04));
+  CHECK(crossing.counted->width_rad() / deg == Approx(0.05));
 }
 
 TEST_CASE("where the stage stops within its resolution, edge and window are as uncertain as that") {
@@ -155,9 +171,9 @@ TEST_CASE("a slanted board's drifting range is not taken for jitter") {
   sweep(recording, 39.97, 40.08, 0.01, 200);
   const auto crossings = fit::find_edge_crossings(recording);
   const auto& crossing = front_beam(crossings);
-  REQUIRE(crossing.jitter_rad);
-  CHECK(crossing.jitter_rad->first / deg > 39.98);
-  CHECK(crossing.jitter_rad->second / deg < 40.06);
+  REQUIRE(crossing.counted);
+  CHECK(crossing.counted->first_rad / deg > 39.98);
+  CHECK(crossing.counted->last_rad / deg < 40.06);
   CHECK(std::abs(crossing.response.edge_rad.value / deg - 40.02) < 3 * crossing.response.edge_rad.u / deg);
 }
 
