@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <tuple>
 
 #include "fit/bench/accuracy.hpp"
@@ -72,23 +73,54 @@ struct BeamStop {
   double median_mm = 0, sigma_mm = 1;
 };
 
-/// A surface as smooth stops show it.
+/// A surface as a smooth stop shows it.
 struct Level {
-  double median_mm = 0, gate_mm = 3, outside = 0;
+  double median_mm = 0, gate_mm = 3;
 };
 
-Level level_of(const BeamStop& stop) {
-  Level level{stop.median_mm, std::max(3.0, 5 * stop.sigma_mm), 0};
-  const auto n = static_cast<double>(stop.histogram.n());
-  const auto outside = n - static_cast<double>(stop.histogram.within(level.median_mm, level.gate_mm));
-  level.outside = (outside + 1) / (n + 2);  // Rule of succession: a short reference promises nothing.
-  return level;
-}
+Level level_of(const BeamStop& stop) { return {stop.median_mm, std::max(3.0, 5 * stop.sigma_mm)}; }
 
 bool leaves(long outside, long n, double expected, double chance) {
   if (outside == 0) return false;
   return binomial_at_least(static_cast<double>(n), std::min(expected, 0.5), static_cast<double>(outside)) <
          chance;
+}
+
+/// Samples of some stops, and how many of them left the gate of a surface.
+struct Pool {
+  long outside = 0, n = 0;
+  /// Rule of succession: a short reference promises nothing.
+  [[nodiscard]] double share() const {
+    return (static_cast<double>(outside) + 1) / (static_cast<double>(n) + 2);
+  }
+  [[nodiscard]] Pool without(const Pool& other) const { return {outside - other.outside, n - other.n}; }
+  void add(const Pool& other) { outside += other.outside, n += other.n; }
+};
+
+/// Which stops see one surface only. `stops` are those that mostly see it, from the farthest from the edge to
+/// the nearest. Each is held against all other smooth ones together, so that a stop beyond chance neither
+/// excuses itself nor hides behind a short one. The first pass trusts what lies farther from the edge.
+std::vector<bool> smooth_ones(const std::vector<Pool>& stops, double chance) {
+  std::vector<bool> smooth(stops.size(), false);
+  Pool pool;
+  for (std::size_t i = 0; i < stops.size(); ++i) {
+    smooth[i] = i == 0 || !leaves(stops[i].outside, stops[i].n, pool.share(), chance);
+    if (smooth[i]) pool.add(stops[i]);
+  }
+  // Ends where nothing changes; stops that change each other in a circle are left as they are.
+  for (int round = 0; round < 20; ++round) {
+    std::vector<bool> next(stops.size());
+    for (std::size_t i = 0; i < stops.size(); ++i) {
+      const Pool others = smooth[i] ? pool.without(stops[i]) : pool;
+      next[i] = others.n == 0 || !leaves(stops[i].outside, stops[i].n, others.share(), chance);
+    }
+    if (next == smooth) break;
+    smooth = std::move(next);
+    pool = {};
+    for (std::size_t i = 0; i < stops.size(); ++i)
+      if (smooth[i]) pool.add(stops[i]);
+  }
+  return smooth;
 }
 
 /// By beam, approach, and where the target stood, in whole micrometres: stops of different places show no
@@ -196,10 +228,23 @@ EdgeCrossing crossing_of(const Passage& passage, const EdgeOptions& options) {
     out.outside_front = out.n - stop.histogram.within(front_mm, front.gate_mm);
     out.outside_back = out.n - stop.histogram.within(back_mm, back.gate_mm);
     std::tie(out.mean_mm, out.sd_mm) = stop.histogram.mean_and_sd();
-    out.state = !leaves(out.outside_front, out.n, front.outside, options.chance) ? EdgeStop::State::front
-                : !leaves(out.outside_back, out.n, back.outside, options.chance) ? EdgeStop::State::back
-                                                                                 : EdgeStop::State::jitter;
+    out.state = EdgeStop::State::jitter;
     crossing.stops.push_back(out);
+  }
+  for (const bool in_front : {true, false}) {
+    std::vector<std::size_t> mostly;
+    std::vector<Pool> pools;
+    for (std::size_t i = 0; i < crossing.stops.size(); ++i) {
+      const EdgeStop& stop = crossing.stops[i];
+      const long outside = in_front ? stop.outside_front : stop.outside_back;
+      if (2 * outside < stop.n) mostly.push_back(i), pools.push_back({outside, stop.n});
+    }
+    // From the end of the passage that shows this surface towards the edge.
+    if (in_front != rising) std::ranges::reverse(mostly), std::ranges::reverse(pools);
+    const std::vector<bool> smooth = smooth_ones(pools, options.chance);
+    for (std::size_t j = 0; j < mostly.size(); ++j)
+      if (smooth[j])
+        crossing.stops[mostly[j]].state = in_front ? EdgeStop::State::front : EdgeStop::State::back;
   }
   return crossing;
 }
@@ -241,9 +286,9 @@ std::optional<CountedWindow> count_window(const std::vector<EdgeStop>& series) {
   for (auto stop = first; stop != behind + 1; ++stop)
     if (const double gap = stop->stage_rad - (stop - 1)->stage_rad; gap > same_angle_rad) gaps.push_back(gap);
   if (gaps.empty()) return std::nullopt;
-  std::ranges::sort(gaps);
-  const double step_rad = gaps[gaps.size() / 2];
-  if (gaps.back() > 1.2 * step_rad) return std::nullopt;
+  // A readback rounds each angle: their mean spacing is nearest to the step.
+  const double step_rad = std::accumulate(gaps.begin(), gaps.end(), 0.0) / static_cast<double>(gaps.size());
+  if (std::ranges::max(gaps) > 1.2 * step_rad) return std::nullopt;
   return CountedWindow{first->stage_rad, (behind - 1)->stage_rad, step_rad};
 }
 

@@ -64,7 +64,7 @@ struct EdgeOptions {
 
 /// All edge crossings in a recording whose stops bracket the edge within `least_gap_rad`, best known first.
 /// A stop jitters when more of its samples leave the surface's gate than chance allows (binomial test against
-/// the share measured at smooth stops), so no threshold in millimetres is chosen.
+/// the share measured at all other smooth stops of that surface), so no threshold in millimetres is chosen.
 [[nodiscard]] std::vector<EdgeCrossing> find_edge_crossings(const Recording& recording,
                                                             const EdgeOptions& options = {});
 

@@ -101,6 +101,49 @@ TEST_CASE("the window is counted in the sweep's own stops, also where a search s
   CHECK(crossing.counted->width_rad() / deg == Approx(0.05));
 }
 
+TEST_CASE(
+    "six samples of a thousand on the background are jitter, though the stop at the end is a short one") {
+  fit::Bench bench;
+  const auto sees_behind = [](double stage_deg, std::int64_t seq) {
+    if (stage_deg < 40.045) return true;
+    if (stage_deg < 40.095) return seq % 4 == 0;
+    return stage_deg < 40.105 && seq < 6;  // All further out see the board alone.
+  };
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
+        const bool beyond = sees_behind(capture.stage_rad / deg, seq);
+        std::ranges::fill(range, static_cast<std::uint16_t>((beyond ? 2300 : 1500) + seq % 7 - 3));
+        std::ranges::fill(intensity, std::uint16_t{1800});
+      });
+  sweep(recording, 39.9, 40.2, 0.01, 1000, "sweep 2");
+  sweep(recording, 40.25, 40.251, 0.01, 200, "find-edge 1");
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  REQUIRE(crossing.counted);
+  CHECK(crossing.counted->last_rad / deg == Approx(40.10));
+}
+
+TEST_CASE("strays of the surface itself are no jitter, however many stops have them") {
+  auto random = std::make_shared<std::mt19937_64>(7);
+  fit::Bench bench;
+  SyntheticRecording recording(
+      bench, [=](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto& intensity) {
+        std::uniform_real_distribution<double> chance;
+        const double along = 0.5 + (40.023 - capture.stage_rad / deg) / 0.05;
+        for (auto& value : range)
+          value = static_cast<std::uint16_t>((chance(*random) < along ? 2300 : 1500) +
+                                             (chance(*random) < 0.004 ? 60 : 0) +
+                                             std::lround(6 * chance(*random)));
+        std::ranges::fill(intensity, std::uint16_t{1800});
+      });
+  sweep(recording, 39.85, 40.2, 0.01, 1000, "sweep 2");
+  for (const auto& crossing : fit::find_edge_crossings(recording)) {
+    if (crossing.step != 540) continue;
+    REQUIRE(crossing.counted);
+    CHECK(crossing.counted->width_rad() / deg == Approx(0.05).margin(0.011));
+  }
+}
+
 TEST_CASE("where the stage stops within its resolution, edge and window are as uncertain as that") {
   constexpr int sweeps = 60;
   int edge_inside = 0, window_inside = 0;
