@@ -101,7 +101,13 @@ void summarise(const std::vector<double>& kept, SelectedMean& out) {
   for (const double value : kept) square += (value - out.mean_mm) * (value - out.mean_mm);
   out.sd_mm = kept.size() > 1 ? std::sqrt(square / (n - 1)) : 1 / std::sqrt(12.0);
   out.effective = n / correlation_time(kept);
-  out.u_mm = uncertainty_of_mean(out.sd_mm, out.effective);
+  out.trend = trend_of(kept);
+  if (out.trend.beyond(chance_of_drift)) {
+    // The surface's range lies anywhere in the span that the mean passed through.
+    out.u_drift_mm = std::abs(out.trend.rise.value) / std::sqrt(12.0);
+    out.effective = out.trend.effective;
+  }
+  out.u_mm = std::hypot(uncertainty_of_mean(out.sd_mm, out.effective), out.u_drift_mm);
 }
 
 std::uint16_t most_frequent(std::span<const Sample> samples, const std::vector<Fate>& fates) {
@@ -182,7 +188,8 @@ SelectedMean select_robust(std::span<const Sample> samples, const SelectionOptio
     location = next;
   }
   out.mean_mm = location;
-  out.u_mm = uncertainty_of_mean(std::max(out.sd_mm, all.sigma), out.effective * 0.95);
+  out.u_mm =
+      std::hypot(uncertainty_of_mean(std::max(out.sd_mm, all.sigma), out.effective * 0.95), out.u_drift_mm);
   return out;
 }
 

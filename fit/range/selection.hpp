@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "fit/range/trend.hpp"
+
 namespace fit {
 
 /// One echo of one beam as the lidar reports it. Range 0: no echo.
@@ -26,7 +28,10 @@ struct Rejections {
 struct SelectedMean {
   double mean_mm = 0;
   double sd_mm = 0;      ///< Of one sample.
-  double u_mm = 0;       ///< Standard uncertainty of the mean, with the samples' correlation in time.
+  double u_mm = 0;  ///< Standard uncertainty of the mean, with the samples' correlation in time and drift.
+  double u_drift_mm =
+      0;        ///< Its part that is their drift: 0 where steady samples show such a trend by chance.
+  Trend trend;  ///< Of the kept samples over the capture, mm.
   double intensity = 0;  ///< The most frequent one, or the mean for select_robust().
   long samples = 0, kept = 0;
   double effective = 0;  ///< Independent samples that the kept ones are worth.
@@ -59,6 +64,9 @@ struct IntensityClass {
 /// Classes of fewer than `least` samples are joined with the next one.
 [[nodiscard]] std::vector<IntensityClass> by_intensity(std::span<const Sample> samples, long least = 30,
                                                        const SelectionOptions& options = {});
+
+/// Probability at which steady samples count as drifting.
+inline constexpr double chance_of_drift = 1e-3;
 
 /// How many values one independent value is worth of a series that remembers: 1 + 2 * (sum of its
 /// autocorrelations, up to the first that chance could make). 1 for white noise.

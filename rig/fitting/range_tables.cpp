@@ -109,12 +109,16 @@ json robust_table(const RangeSource& source) {
     rows.push_back({c.label, hundredths(c.true_mm), hundredths(c.beam_deg),
                     c.normal_from_data ? "data" : "bench file",
                     hundredths(c.robust.mean_mm - c.oblique_mm - c.true_mm), digits(c.robust.u_mm),
+                    hundredths(c.robust.trend.rise.value), hundredths(2 * c.robust.trend.rise.u),
                     digits(c.robust.intensity, 5)});
-  return {{"title", "The beam, and the robust alternative: Huber's mean of all samples"},
-          {"columns",
-           {"capture", column("true", "mm"), column("beam", "deg"), "normal from", column("error", "mm"),
-            column("u(mean)", "mm"), "mean counts"}},
-          {"rows", rows}};
+  return {
+      {"title",
+       "The beam, and the robust alternative: Huber's mean of all samples (drift: from the first to the last "
+       "sample)"},
+      {"columns",
+       {"capture", column("true", "mm"), column("beam", "deg"), "normal from", column("error", "mm"),
+        column("u(mean)", "mm"), column("drift", "mm"), column("U(drift)", "mm"), "mean counts"}},
+      {"rows", rows}};
 }
 
 json selection_table(const RangeSource& source) {

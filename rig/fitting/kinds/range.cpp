@@ -161,8 +161,11 @@ class Range : public Fitting {
       budget.add({.source = "mean of the samples",
                   .kind = 'A',
                   .distribution = "normal",
-                  .u = p.u_mm,
+                  .u = std::sqrt(std::max(0.0, p.u_mm * p.u_mm - selected.u_drift_mm * selected.u_drift_mm)),
                   .freedom = std::max(1.0, selected.effective - 1)});
+      if (selected.u_drift_mm > 0)
+        budget.add(
+            {.source = "drift within the capture", .distribution = "rectangular", .u = selected.u_drift_mm});
       budget.add({.source = "placement of the target (bench file)",
                   .distribution = "normal",
                   .u = c.u_placement_mm});

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "fit/range/selection.hpp"
+#include "fit/range/trend.hpp"
 #include "fit/range/validation_measures.hpp"
 
 namespace range_calibration_test {
@@ -35,6 +36,61 @@ TEST_CASE("a quiet device that reports in coarse levels loses no samples, and an
   const auto mean = fit::select_robust(samples);
   CHECK(mean.kept == 299);
   CHECK(mean.rejected.abnormal == 1);
+}
+
+TEST_CASE("steady captures seem to drift as seldom as stated, also where samples remember the one before") {
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> normal;
+  constexpr int sessions = 400;
+  for (const double memory : {0.0, 0.7}) {
+    int flagged = 0;
+    for (int session = 0; session < sessions; ++session) {
+      std::vector<fit::Trend> trends;
+      for (int capture = 0; capture < 12; ++capture) {
+        std::vector<double> ranges;
+        double noise = 0;
+        for (int i = 0; i < 1000; ++i) {
+          noise = memory * noise + normal(random);
+          ranges.push_back(std::round(1000 + 5 * noise));
+        }
+        trends.push_back(fit::trend_of(ranges));
+      }
+      flagged += fit::drift_together(trends, 0.05);
+    }
+    INFO("memory " << memory);
+    CHECK(flagged >= 4);
+    CHECK(flagged <= 34);  // 20, and three standard deviations of the count.
+  }
+}
+
+TEST_CASE("a drift that no capture shows alone is seen in all of them together") {
+  std::mt19937_64 random(12);
+  std::normal_distribution<double> normal;
+  std::vector<fit::Trend> trends;
+  for (int capture = 0; capture < 12; ++capture) {
+    std::vector<double> ranges;
+    for (int i = 0; i < 1000; ++i) ranges.push_back(std::round(1000 + 8 * normal(random) + 1.4 * i / 1000));
+    trends.push_back(fit::trend_of(ranges));
+  }
+  CHECK(std::ranges::none_of(trends, [](const fit::Trend& trend) { return trend.beyond(1e-3 / 12); }));
+  CHECK(fit::drift_together(trends, 1e-3));
+}
+
+TEST_CASE("the mean of a capture in which the lidar warms up is as uncertain as its drift") {
+  std::mt19937_64 random(13);
+  std::normal_distribution<double> normal;
+  const auto mean_of = [&](double rise_mm) {
+    std::vector<fit::Sample> samples;
+    for (int i = 0; i < 20000; ++i)
+      samples.push_back(
+          {static_cast<std::uint16_t>(std::lround(200 + 8 * normal(random) + rise_mm * i / 20000)), 900});
+    return fit::select_robust(samples);
+  };
+  CHECK(mean_of(0).u_mm == Approx(8 / std::sqrt(20000)).epsilon(0.1));
+  CHECK(mean_of(0).u_drift_mm == 0);
+  const fit::SelectedMean warming = mean_of(5);
+  CHECK(std::abs(warming.trend.rise.value - 5) < 3 * warming.trend.rise.u);
+  CHECK(warming.u_mm == Approx(5 / std::sqrt(12)).epsilon(0.2));
 }
 
 TEST_CASE(

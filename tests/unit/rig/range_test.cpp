@@ -222,6 +222,39 @@ TEST_CASE("a distance that is wrong is told, on the terminal before any figure, 
   CHECK(text.find("DOUBTFUL: ") < text.find("Range error at"));
 }
 
+TEST_CASE(
+    "a lidar that warms up while it is calibrated is told so, and its first mean is as uncertain as that") {
+  const TestFolder place;
+  const auto fitted = [&](const std::string& file, double warm_up_mm) {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+              R"({"name":"wall","from_mm":[500,-300],"to_mm":[500,300],"u_mm":0.1})");
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < 8; ++i) {
+      fit::CaptureInfo info;
+      info.step = "step " + std::to_string(i + 1);
+      info.target = "wall", info.target_shift_mm = 300.0 * i;
+      info.first_step = info.last_step = 540;
+      add_capture(store, info, 2000, [&](int scan, int) {
+        const double before = std::exp(-(2000 * i + scan) / 3000.0);  // 75 s
+        return Echo{
+            static_cast<std::uint16_t>(std::lround(500 + 300 * i - warm_up_mm * before + 4 * normal(random))),
+            1000};
+      });
+    }
+    return rig::run_fit("range", {{file, &store}}, nlohmann::json::object());
+  };
+  const nlohmann::json steady = fitted(place / "steady.rig", 0), cold = fitted(place / "cold.rig", 12);
+  CHECK(steady.dump().find("drift within") == std::string::npos);
+  CHECK_THAT(cold.at("contradictions").dump(),
+             Catch::Contains("drift within the captures, most surely in step, step 1: by"));
+  CHECK_THAT(cold.at("contradictions").dump(), Catch::Contains("Let the lidar warm up, and measure again"));
+  CHECK(value_of(steady, "error_at_500_mm").at("u").get<double>() < 0.2);
+  CHECK(value_of(cold, "error_at_500_mm").at("u").get<double>() > 1);
+  CHECK_THAT(cold.at("budget").dump(), Catch::Contains("drift within the capture"));
+}
+
 TEST_CASE("a target that is moved while the stage stands shows no edge") {
   const TestFolder place;
   const std::string file = place / "ladder.rig";
