@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 // The patent's methods of fit_wall(): slope of the front wall, circles through the lidar's positions.
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <functional>
 #include <map>
 #include <numeric>
+#include <random>
 
 #include "fit/numeric/angle.hpp"
 #include "fit/range/wall_parts.hpp"
@@ -61,70 +63,109 @@ struct Positions {
   }
 };
 
-/// What the positions of a capture share counts once for all of them: the sandwich over captures, as of the
-/// joint fit. Scores are what a position's residual adds to the gradient, by capture.
-template <class Vector>
-auto between_captures(const std::map<std::size_t, Vector>& scores) {
-  const auto captures = static_cast<double>(scores.size());
-  Eigen::Matrix<double, Vector::RowsAtCompileTime, Vector::RowsAtCompileTime> sum;
-  sum.setZero();
-  for (const auto& [capture, score] : scores) sum += score * score.transpose();
-  return (sum * (captures > 1 ? captures / (captures - 1) : 1)).eval();
-}
-
-double u_of_radius(const CircleFit& fit, const Positions& positions,
-                   const std::vector<std::size_t>& inliers) {
-  std::map<std::size_t, Eigen::Vector3d> scores;
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  for (const std::size_t i : inliers) {
-    const Vector2d arm = positions.at[i] - fit.circle.centre;
-    Eigen::Vector3d slope;
-    slope << arm.normalized(), 1;
-    information += slope * slope.transpose();
-    scores.try_emplace(positions.captures[i], Eigen::Vector3d::Zero()).first->second +=
-        slope * (arm.norm() - fit.circle.radius);
-  }
-  const Eigen::Matrix3d inverse = information.inverse();
-  const double shared = (inverse * between_captures(scores) * inverse)(2, 2);
-  return std::sqrt(std::isfinite(shared) ? std::max(fit.covariance(2, 2), shared) : fit.covariance(2, 2));
-}
-
 /// Direction of the offset: the phase at which the positions run round the circle's centre.
-Estimate phase_of(const CircleFit& fit, const Positions& positions, const std::vector<std::size_t>& inliers) {
-  const auto phase = [&](std::size_t i) {
-    const Vector2d arm = positions.at[i] - fit.circle.centre;
-    return std::atan2(arm.y(), arm.x()) - positions.stages[i];
-  };
+double phase_of(const Circle& circle, const Positions& positions, const std::vector<std::size_t>& inliers) {
   double c = 0, s = 0;
-  for (const std::size_t i : inliers) c += std::cos(phase(i)), s += std::sin(phase(i));
-  const double mean = std::atan2(s, c), n = std::max<double>(1, static_cast<double>(inliers.size()));
-  std::map<std::size_t, Eigen::Matrix<double, 1, 1>> scores;
-  for (const std::size_t i : inliers)
-    scores.try_emplace(positions.captures[i], Eigen::Matrix<double, 1, 1>::Zero()).first->second[0] +=
-        std::sin(phase(i) - mean) / n;
-  const double by_noise = fit.rms / (std::max(1e-9, fit.circle.radius) * std::sqrt(n));
-  return {mean, std::max(by_noise, std::sqrt(between_captures(scores)(0, 0)))};
+  for (const std::size_t i : inliers) {
+    const Vector2d arm = positions.at[i] - circle.centre;
+    const double phase = std::atan2(arm.y(), arm.x()) - positions.stages[i];
+    c += std::cos(phase), s += std::sin(phase);
+  }
+  return std::atan2(s, c);
 }
 
 /// Both circles through the positions: the geometric one after RANSAC, and the algebraic one through the
 /// same.
-void add_circles(const std::string& way, const Positions& positions, WallFit& fit) {
-  WallCircle geometric{way + ", geometric circle", std::nullopt, {}, {}, positions.at.size(), 0};
-  const auto found = find_circle(positions.at, 20, 10, 2000);
-  const auto complete = [&](WallCircle& to, const CircleFit& circle) {
-    to.circle = circle;
-    to.inliers = found->inliers.size();
-    to.radius_mm = {circle.circle.radius, u_of_radius(circle, positions, found->inliers)};
-    to.direction_rad = phase_of(circle, positions, found->inliers);
-  };
-  if (found) complete(geometric, found->fit);
-  fit.ways.push_back(geometric);
-  if (!found) return;
+struct Circles {
+  CircleFit geometric, algebraic;
+  std::vector<std::size_t> inliers;
+};
+
+std::optional<Circles> circles_through(const Positions& positions) {
+  auto found = find_circle(positions.at, 20, 10, 2000);
+  if (!found) return std::nullopt;
   std::vector<Vector2d> kept;
   for (const std::size_t i : found->inliers) kept.push_back(positions.at[i]);
+  return Circles{found->fit, fit_circle_algebraic(kept), std::move(found->inliers)};
+}
+
+/// How far circles lie from the truth, by imitation. The selection keeps what lies near the circle that it
+/// ends with, and noise across a short radius lengthens it: what the kept positions scatter says nothing of
+/// either.
+class Imitations {
+ public:
+  /// The positions that the joint fit expects, with what the measured ones deviate from theirs. A capture
+  /// takes another's deviations, as those of one capture may go together.
+  Imitations(const Positions& positions, const WallFit& fit) : truth_(fit.joint.segment<2>(1)) {
+    std::mt19937_64 random(1);
+    const Vector2d axis = position_from(fit.walls, fit.joint[5], fit.joint[3], fit.joint[4]);
+    Positions imitated = positions;
+    std::map<std::size_t, std::vector<Vector2d>> of_capture;
+    for (std::size_t i = 0; i < positions.at.size(); ++i) {
+      imitated.at[i] = axis + Eigen::Rotation2Dd(positions.stages[i]) * truth_;
+      of_capture[positions.captures[i]].push_back(positions.at[i] - imitated.at[i]);
+    }
+    std::vector<const std::vector<Vector2d>*> pools;
+    for (const auto& [capture, deviations] : of_capture) pools.push_back(&deviations);
+    const std::vector<Vector2d> expected = imitated.at;
+    constexpr int imitations = 60;  // u to a tenth of itself
+    for (int k = 0; k < imitations && !pools.empty(); ++k) {
+      std::map<std::size_t, const std::vector<Vector2d>*> taken;
+      for (const auto& [capture, deviations] : of_capture) taken[capture] = pools[random() % pools.size()];
+      for (std::size_t i = 0; i < expected.size(); ++i) {
+        const std::vector<Vector2d>& from = *taken.at(positions.captures[i]);
+        imitated.at[i] = expected[i] + from[random() % from.size()];
+      }
+      const auto circles = circles_through(imitated);
+      if (!circles) continue;
+      geometric_.add(circles->geometric.circle,
+                     phase_of(circles->geometric.circle, imitated, circles->inliers), truth_);
+      algebraic_.add(circles->algebraic.circle,
+                     phase_of(circles->algebraic.circle, imitated, circles->inliers), truth_);
+    }
+  }
+  /// Root mean square of the errors: scatter and bias together.
+  [[nodiscard]] double u_radius_mm(bool geometric) const {
+    return (geometric ? geometric_ : algebraic_).rms(0);
+  }
+  [[nodiscard]] double u_direction_rad(bool geometric) const {
+    return (geometric ? geometric_ : algebraic_).rms(1);
+  }
+
+ private:
+  struct Errors {
+    double squares[2] = {0, 0}, n = 0;
+    void add(const Circle& circle, double phase, const Vector2d& truth) {
+      squares[0] += std::pow(circle.radius - truth.norm(), 2);
+      squares[1] += std::pow(wrap_angle(phase - std::atan2(truth.y(), truth.x())), 2);
+      ++n;
+    }
+    [[nodiscard]] double rms(int which) const { return std::sqrt(squares[which] / n); }
+  };
+  Vector2d truth_;
+  Errors geometric_, algebraic_;
+};
+
+void add_circles(const std::string& way, const Positions& positions, WallFit& fit) {
+  WallCircle geometric{way + ", geometric circle", std::nullopt, {}, {}, positions.at.size(), 0};
+  const auto found = circles_through(positions);
+  if (!found) {
+    fit.ways.push_back(geometric);
+    return;
+  }
+  const Imitations imitations(positions, fit);
+  const auto complete = [&](WallCircle& to, const CircleFit& circle, bool is_geometric) {
+    to.circle = circle;
+    to.inliers = found->inliers.size();
+    to.radius_mm = {circle.circle.radius, imitations.u_radius_mm(is_geometric)};
+    to.direction_rad = {phase_of(circle.circle, positions, found->inliers),
+                        imitations.u_direction_rad(is_geometric)};
+  };
   WallCircle algebraic = geometric;
   algebraic.way = way + ", algebraic circle";
-  complete(algebraic, fit_circle_algebraic(kept));
+  complete(geometric, found->geometric, true);
+  complete(algebraic, found->algebraic, false);
+  fit.ways.push_back(geometric);
   fit.ways.push_back(algebraic);
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <map>
 #include <random>
 
 #include "synthetic_recording.hpp"
@@ -65,6 +66,7 @@ TEST_CASE("mounting angle and radius are found within 0.02 deg and 0.2 mm, and t
   const Corner truth;
   const int seeds = 100;
   int covered[4] = {0, 0, 0, 0};
+  std::map<std::string, int> circles, directions;
   double worst_angle = 0, worst_radius = 0, worst_direction = 0, worst_circle = 0, worst_single = 0;
   for (unsigned seed = 0; seed < seeds; ++seed) {
     const auto recording = turn(truth, seed, -160, 160, 20, 30);
@@ -81,6 +83,11 @@ TEST_CASE("mounting angle and radius are found within 0.02 deg and 0.2 mm, and t
     covered[1] += std::abs(radius) < 2 * fit.radius_mm.u;
     covered[2] += std::abs(direction) < 2 * fit.direction_rad.u;
     covered[3] += std::abs(fit.patent_angle_rad.value - truth.yaw) < 2.5 * fit.patent_angle_rad.u;
+    for (const fit::WallCircle& w : fit.ways) {
+      if (!w.circle) continue;
+      circles[w.way] += std::abs(w.radius_mm.value - truth.radius) < 2 * w.radius_mm.u;
+      directions[w.way] += std::abs(w.direction_rad.value - truth.direction) < 2 * w.direction_rad.u;
+    }
     CHECK(fit.range_noise_mm == Approx(8).margin(0.5));
     CHECK(fit.repeats == 4);  // three, and the one of the turn
   }
@@ -88,6 +95,12 @@ TEST_CASE("mounting angle and radius are found within 0.02 deg and 0.2 mm, and t
   CHECK(worst_angle < 0.02);
   CHECK(worst_radius < 0.2);
   for (int i = 0; i < 3; ++i) CHECK(covered[i] >= 90);
+  CHECK(circles.size() == 4);
+  for (const auto* held : {&circles, &directions})
+    for (const auto& [name, count] : *held) {
+      INFO(name << ": " << count << " of 100 " << (held == &circles ? "radii" : "directions") << " held");
+      CHECK(count >= 90);
+    }
   CHECK(covered[3] >= 85);  // four repeats: k = 2 would be too narrow
   WARN("100 seeds, 20 captures of 30 scans, 360 beams, 8 mm noise: worst angle "
        << worst_angle << " deg, radius " << worst_radius << " mm, direction " << worst_direction
