@@ -85,16 +85,39 @@ Eigen::Vector2d centre_from_pair(const Eigen::Vector2d& before, const Eigen::Vec
           (before.y() + after.y()) / 2 + q * (before.x() - after.x())};
 }
 
-CentrePair centre_of_pair(const std::vector<CentrePoint>& points, std::size_t first, std::size_t second) {
+CentrePair centre_of_pair(const std::vector<CentrePoint>& points, std::size_t first, std::size_t second,
+                          const std::vector<CentreEffect>& effects) {
   const CentrePoint &a = points.at(first), &b = points.at(second);
   CentrePair pair{first, second, b.stage_rad - a.stage_rad, {}, Eigen::Matrix2d::Zero()};
   pair.centre = centre_from_pair(a.position(), b.position(), pair.turn_rad);
-  // after = R(-turn) before + (I - R(-turn)) centre.
-  const Eigen::Matrix2d turn = rotation(-pair.turn_rad);
-  const Eigen::Matrix2d inverse = (Eigen::Matrix2d::Identity() - turn).inverse();
-  const Eigen::Matrix2d from_a = -inverse * turn * root_covariance(a), from_b = inverse * root_covariance(b);
-  pair.covariance = from_a * from_a.transpose() + from_b * from_b.transpose();
+  pair.covariance = mean_of_pairs(points, {pair}, effects).covariance;
   return pair;
+}
+
+CentreMean mean_of_pairs(const std::vector<CentrePoint>& points, const std::vector<CentrePair>& pairs,
+                         const std::vector<CentreEffect>& effects) {
+  CentreMean mean;
+  const double share = 1 / static_cast<double>(pairs.size());
+  std::vector<Eigen::Matrix2d> gains(points.size(), Eigen::Matrix2d::Zero());
+  for (const CentrePair& pair : pairs) {
+    mean.centre += share * pair.centre;
+    // after = R(-turn) before + (I - R(-turn)) centre.
+    const Eigen::Matrix2d turn = rotation(-pair.turn_rad);
+    const Eigen::Matrix2d inverse = (Eigen::Matrix2d::Identity() - turn).inverse();
+    gains[pair.first] -= share * inverse * turn;
+    gains[pair.second] += share * inverse;
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Matrix2d root = gains[i] * root_covariance(points[i]);
+    mean.covariance += root * root.transpose();
+  }
+  for (const CentreEffect& effect : effects) {
+    Eigen::Vector2d moved = Eigen::Vector2d::Zero();
+    for (std::size_t i = 0; i < points.size(); ++i)
+      moved += gains[i] * rotation(points[i].beam_rad) * effect.shift_mm.at(i);
+    mean.covariance += moved * moved.transpose();
+  }
+  return mean;
 }
 
 CentreFit fit_centre(const std::vector<CentrePoint>& points, const std::vector<CentreEffect>& effects) {

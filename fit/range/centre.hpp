@@ -44,7 +44,16 @@ struct CentrePair {
 
 /// The centre from two sights with its covariance; small turns make it large.
 [[nodiscard]] CentrePair centre_of_pair(const std::vector<CentrePoint>& points, std::size_t first,
-                                        std::size_t second);
+                                        std::size_t second, const std::vector<CentreEffect>& effects = {});
+
+/// The mean of pairs' centres, in mm; pairs that share a sight go together in its covariance.
+struct CentreMean {
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+};
+[[nodiscard]] CentreMean mean_of_pairs(const std::vector<CentrePoint>& points,
+                                       const std::vector<CentrePair>& pairs,
+                                       const std::vector<CentreEffect>& effects = {});
 
 struct CentreFit {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();

@@ -118,7 +118,10 @@ std::vector<FitOption> edge_options() {
 
 EdgeSource read_edges(const std::vector<FitSource>& sources, const FitOptions& options) {
   EdgeSource source;
-  for (const FitSource& file : sources) source.recordings.push_back(file.session->recording());
+  for (const FitSource& file : sources) {
+    source.recordings.push_back(file.session->recording());
+    source.names.push_back(file.path);
+  }
   source.target = target_of(source.recordings, options);
   fit::EdgeOptions edge;
   if (!source.target.empty()) edge.target = source.target;

@@ -62,6 +62,40 @@ TEST_CASE("all sights together give the centre, and covariance says how well") {
   CHECK(chi2 / runs == Approx(4).epsilon(0.15));
 }
 
+TEST_CASE("pairs, and their mean, are as uncertain as the stage that turned between them allows") {
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal;
+  constexpr double u_scale = 0.002, u_range = 0.2, u_angle = 0.0002;
+  constexpr int runs = 400;
+  int pair_inside = 0, mean_inside = 0, without = 0;
+  for (int run = 0; run < runs; ++run) {
+    auto points = sights(u_range, u_angle, &random);
+    const double scale = u_scale * normal(random);
+    fit::CentreEffect turns{"scale of the stage", {}};
+    for (fit::CentrePoint& point : points) {
+      turns.shift_mm.emplace_back(0, u_scale * point.range_mm * point.stage_rad);
+      point.beam_rad += scale * point.stage_rad;
+    }
+    const fit::CentrePair pair = fit::centre_of_pair(points, 0, 2, {turns});
+    const fit::CentreMean mean =
+        fit::mean_of_pairs(points,
+                           {fit::centre_of_pair(points, 0, 1), fit::centre_of_pair(points, 1, 2),
+                            fit::centre_of_pair(points, 2, 3)},
+                           {turns});
+    const auto holds = [](const Eigen::Vector2d& centre, const Eigen::Matrix2d& covariance) {
+      return std::abs(centre.x() - true_centre.x()) < 2 * std::sqrt(covariance(0, 0));
+    };
+    pair_inside += holds(pair.centre, pair.covariance);
+    mean_inside += holds(mean.centre, mean.covariance);
+    without += holds(pair.centre, fit::centre_of_pair(points, 0, 2).covariance);
+  }
+  CHECK(pair_inside > 0.93 * runs);
+  CHECK(pair_inside < 0.985 * runs);
+  CHECK(mean_inside > 0.93 * runs);
+  CHECK(mean_inside < 0.985 * runs);
+  CHECK(without < 0.6 * runs);
+}
+
 TEST_CASE("a small turn makes the centre uncertain and says so") {
   auto points = sights(0.2, 0.0002, nullptr);
   const double wide = fit::centre_of_pair(points, 0, 2).covariance.trace();

@@ -114,16 +114,21 @@ double sweep_edge(imperfect::Bench& bench, int step, double half_deg, int sample
   return smooth;
 }
 
-void centre(Tally& tally, std::uint64_t seed) {
-  const TestFolder folder;
-  std::mt19937_64 random(seed);
-  const imperfect::Truth truth = imperfect::draw(random, {.u_mm = 15, .u_yaw_deg = 0.3});
-  imperfect::Bench bench(folder / "centre.rig", board_bench(), truth, boards(random), seed + 1);
+/// Its edge from four stage angles.
+void see_edge(imperfect::Bench& bench) {
   for (const double beam_deg : {92.0, 38.0, -81.0, -115.5}) {
     const int step = 540 + static_cast<int>(std::lround(beam_deg * 4));
     const double smooth = sweep_edge(bench, step, 0.08, 100, 2);
     bench.capture(look_at(smooth, step - 8, std::min(1080, step + 72), "board"), 400);
   }
+}
+
+void centre(Tally& tally, std::uint64_t seed) {
+  const TestFolder folder;
+  std::mt19937_64 random(seed);
+  const imperfect::Truth truth = imperfect::draw(random, {.u_mm = 15, .u_yaw_deg = 0.3});
+  imperfect::Bench bench(folder / "centre.rig", board_bench(), truth, boards(random), seed + 1);
+  see_edge(bench);
   const imperfect::Point is = truth.centre();
   judge(tally, fitted(bench, "centre"), "centre",
         {{"centre_x_mm", is.real()}, {"centre_y_mm", is.imag()}, {"centre_distance_mm", std::abs(is)}});
@@ -267,6 +272,33 @@ TEST_CASE("intervals hold on benches whose devices are not perfect (few benches)
     CHECK(worst < 2.5);
   }
   CHECK(tally.declined <= tally.calibrations / 5);
+}
+
+TEST_CASE(
+    "two recordings give one centre together, and are doubted where the lidar was mounted anew between "
+    "them") {
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const TestFolder folder;
+    std::mt19937_64 random(500 + seed);
+    imperfect::Truth truth = imperfect::draw(random, {.u_mm = 15, .u_yaw_deg = 0.3});
+    const auto walls = boards(random);
+    imperfect::Bench first(folder / "first.rig", board_bench(), truth, walls, 2 * seed),
+        again(folder / "again.rig", board_bench(), truth, walls, 2 * seed + 1);
+    truth.mount.x_mm += 10;
+    imperfect::Bench moved_lidar(folder / "moved.rig", board_bench(), truth, walls, 2 * seed + 1);
+    for (imperfect::Bench* bench : {&first, &again, &moved_lidar}) see_edge(*bench);
+    const auto together = [&](imperfect::Bench& other) {
+      return rig::run_fit("centre",
+                          {{first.store().path(), &first.store()}, {other.store().path(), &other.store()}},
+                          json::object());
+    };
+    INFO("seed " << seed);
+    const json same = together(again);
+    CHECK(same.value("contradictions", json::array()).empty());
+    CHECK(value_named(same, "positions").at("value") == 8);
+    CHECK_THAT(together(moved_lidar).at("contradictions").dump(),
+               Catch::Contains("different centres") && Catch::Contains("Calibrate each by itself"));
+  }
 }
 
 // Shows what is done, a line every twentieth bench; scripts/coverage-of-intervals reads the rows.
