@@ -150,7 +150,7 @@ void remark(FamilyFit& fit, const Family& family, const SearchResult& found) {
                           formatted("%.1e", fit.condition) +
                           ") that they mean nothing one by one; printed with four digits the curve would " +
                           "be off by up to " + formatted("%.2g", fit.printed_mm) +
-                          ", so only full precision reproduces it");
+                          " mm, so only full precision reproduces it");
   if (family.remarks)
     for (std::string& word : family.remarks(fit.scale, fit.beta, found.best().end))
       fit.remarks.push_back(std::move(word));

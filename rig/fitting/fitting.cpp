@@ -80,7 +80,8 @@ const Fitting& fitting_of(const std::string& kind) {
 }
 
 void check_fit(const std::string& kind, const nlohmann::json& options) {
-  (void)FitOptions(kind, fitting_of(kind).options(), options);
+  const Fitting& fitting = fitting_of(kind);
+  fitting.check_files(FitOptions(kind, fitting.options(), options));
 }
 
 std::string doubt_about_fit(const std::string& kind, const nlohmann::json& options) {

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "fit/range/selection.hpp"
 #include "rig/session/step_in_words.hpp"
 
@@ -35,6 +36,9 @@ std::optional<FlatSurface> surface_of(const fit::Recording& recording, std::size
                  to = to_lidar * (target->to_mm + shift - origin);
   FlatSurface out;
   out.label = capture.step.empty() ? std::to_string(capture.id) : step_in_words(capture.step);
+  // Outside a loop a step has no words of its own.
+  if (capture.step.find('[') == std::string::npos)
+    out.label += ", " + target->name + ", stage " + fit::format_value(capture.stage_rad * fit::deg_per_rad, 0) + " deg";
   out.stage_rad = stage;
   out.temperature_c = capture.temperature_c;
   out.normal = to_lidar * target->outward_normal();

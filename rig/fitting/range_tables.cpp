@@ -134,7 +134,7 @@ json selection_table(const RangeSource& source) {
           {"rows", rows}};
 }
 
-json paper_table(const fit::RangeCalibration& calibration) {
+json paper_table(const fit::RangeCalibration& calibration, bool robust) {
   const std::vector<std::string> families = {"exponential-2", "fourier-2", "polynomial-3", "power-2",
                                              "rational-33"};
   json columns = {"experiment"}, rows = json::array();
@@ -153,7 +153,11 @@ json paper_table(const fit::RangeCalibration& calibration) {
   };
   add(calibration.intensity_table, "A1 intensity");
   add(calibration.distance_table, "A2 distance");
-  return {{"title", "Five families of curves (Zhao et al.)"}, {"columns", columns}, {"rows", rows}};
+  return {{"title", std::string("Five families of curves (Zhao et al.), ") +
+                        (robust ? "from Huber's means of all samples (the paper's: --option selection=paper)"
+                                : "from the means of the most frequent intensity")},
+          {"columns", columns},
+          {"rows", rows}};
 }
 
 void add_families(json& tables, const std::vector<FamilyFit>& fits, const std::string& title) {

@@ -15,7 +15,8 @@ nlohmann::json captures_table(const RangeSource& source);
 nlohmann::json robust_table(const RangeSource& source);
 nlohmann::json selection_table(const RangeSource& source);
 /// The paper's table: the same figures of the same five families, in its order.
-nlohmann::json paper_table(const fit::RangeCalibration& calibration);
+/// `robust`: whether its points are the means of all samples, else those of the most frequent intensity.
+nlohmann::json paper_table(const fit::RangeCalibration& calibration, bool robust);
 /// The families as they predict; what there is to say about one follows in a table of its own.
 void add_families(nlohmann::json& tables, const std::vector<fit::FamilyFit>& fits, const std::string& title);
 nlohmann::json coefficients_table(const fit::Correction& c);

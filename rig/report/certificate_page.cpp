@@ -70,7 +70,7 @@ void move_to_annex(json& section, json& annex) {
       kept.push_back(std::move(table));
       continue;
     }
-    table["number"] = "A" + std::to_string(annex.size() + 1);
+    table["number"] = "T" + std::to_string(annex.size() + 1);
     places.push_back({{"number", table["number"]},
                       {"title", table["title"]},
                       {"rows", std::to_string(table["rows"].size())}});

@@ -323,7 +323,21 @@ TEST_CASE("a validation without a correction is said before anything moves") {
     return output;
   };
   CHECK_THAT(said({}), Contains("range-validation.yaml:22:") && Contains("no correction is given"));
-  CHECK_THAT(said({"--set", "correction=c.json"}), !Contains("no correction is given"));
+  const std::string good = RIG_SOURCE_DIR "/tests/fuzz/corpus/correction/line.json";
+  CHECK_THAT(said({"--set", "correction=" + good}), !Contains("no correction is given"));
+}
+
+TEST_CASE("a correction or a centre that is not there is refused with its place before anything is opened") {
+  const Bench bench;
+  const std::string good = RIG_SOURCE_DIR "/tests/fuzz/corpus/correction/line.json";
+  for (const std::string wrong : {"correction=typo.rig", "correction=typo.json", "centre=typo.rig"}) {
+    std::vector<std::string> set = {"--set", wrong};
+    if (wrong.starts_with("centre")) set.insert(set.end(), {"--set", "correction=" + good});
+    Program rig(bench.command(procedures + "range-validation.yaml", set), bench.folder);
+    CHECK(rig.exit_status() == 2);
+    CHECK_THAT(rig.errors(), Contains("range-validation.yaml:22:") && Contains("typo."));
+    CHECK_FALSE(std::filesystem::exists(bench.folder / "out.rig"));
+  }
 }
 
 TEST_CASE("a limit that no result of the run can have is refused with its place before anything moves") {

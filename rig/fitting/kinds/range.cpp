@@ -99,7 +99,7 @@ class Range : public Fitting {
     out["tables"].push_back(captures_table(source));
     add_values(out, source, points, calibration, selection == "robust");
     if (!calibration.intensity_table.empty() || !calibration.distance_table.empty())
-      out["tables"].push_back(paper_table(calibration));
+      out["tables"].push_back(paper_table(calibration, selection == "robust"));
     if (!calibration.intensity_table.empty())
       add_families(out["tables"], calibration.intensity_table, "Experiment A1, error against intensity");
     if (!calibration.distance_table.empty())
@@ -137,7 +137,7 @@ class Range : public Fitting {
            "target at known distances. " +
            std::string(robust ? "Huber's mean of all samples is used; the paper's, of the samples of the "
                                 "most frequent intensity without abnormal values and impulse noise, is given "
-                                "for comparison and in the paper's own tables. "
+                                "for comparison in the tables that name it. "
                               : "Abnormal values and impulse noise are removed and the samples of the most "
                                 "frequent intensity averaged; Huber's mean of all samples is given for "
                                 "comparison. ") +

@@ -86,6 +86,16 @@ class Validation : public Fitting {
            "has one; else no correction is, and an improvement says nothing.";
   }
 
+  void check_files(const FitOptions& options) const override {
+    try {
+      if (const std::string file = options.text("correction"); !file.empty()) (void)load_correction(file);
+      if (const std::string file = options.text("centre"); !file.empty())
+        (void)load_centre(file, SessionStore(file, SessionStore::Mode::read));
+    } catch (const MeasurementError& error) {
+      throw UsageError(error.what());
+    }
+  }
+
   json run(const std::vector<FitSource>& sources, const FitOptions& options) const override {
     const Centre centre = centre_for(sources, options);
     std::vector<FlatSurface> surfaces;
@@ -255,7 +265,7 @@ class Validation : public Fitting {
       out["values"].push_back(
           result_value("scene_after_mm", "The same, " + corrected, {after.mean_mm, after.u_mm}, "mm"));
       out["values"].push_back(
-          result_value("scene_improvement_percent", "Improvement",
+          result_value("scene_improvement_percent", "Mean distance of the same scene: improvement",
                        improvement({before.mean_mm, before.u_mm}, {after.mean_mm, after.u_mm}), "%"));
       out["budget"].push_back(
           budget_line("same scene: distances differ from point to point", "A", after.u_mm, "mm"));

@@ -134,6 +134,7 @@ TEST_CASE("the five families stand in the paper's order, each with coefficients 
     return nlohmann::json();
   };
   const auto paper = table("Five families of curves (Zhao et al.)");
+  CHECK_THAT(paper.at("title").get<std::string>(), Catch::Contains("from Huber's means of all samples"));
   CHECK(paper.at("columns") == nlohmann::json({"experiment", "exponential(2)", "Fourier(2)", "polynomial(3)",
                                                "power(2)", "rational(3,3)"}));
   REQUIRE(paper.at("rows").size() == 2);

@@ -117,8 +117,8 @@ TEST_CASE("long tables stand in an annex, compact, and in front where they are")
   const std::size_t annex = html.find("<h2>Annex: tables</h2>"), notes = html.find("<footer>");
   REQUIRE(annex != std::string::npos);
   CHECK(notes < annex);
-  CHECK(html.find("Annex, table A1 (97 rows): Errors.") < annex);
-  CHECK(html.find("Table A1. Range calibration: Errors") > annex);
+  CHECK(html.find("Annex, table T1 (97 rows): Errors.") < annex);
+  CHECK(html.find("Table T1. Range calibration: Errors") > annex);
   CHECK(html.find("step 3.2, 9700 mm") > annex);
   CHECK(html.find(">Short<") < annex);
   CHECK(html.find("End of report") > html.find("step 3.2, 9700 mm"));
