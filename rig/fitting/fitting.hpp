@@ -31,7 +31,8 @@ class Fitting {
   [[nodiscard]] virtual std::vector<FitOption> options() const { return {}; }
   /// What a person should know of these options before hours of captures; empty if nothing.
   [[nodiscard]] virtual std::string doubt_about(const FitOptions& /*options*/) const { return ""; }
-  /// Throws UsageError where a file that an option names is not there, or does not hold what the option asks for.
+  /// Throws UsageError where a file that an option names is not there, or does not hold what the option asks
+  /// for.
   virtual void check_files(const FitOptions& /*options*/) const {}
   /// True if files that are not sessions are welcome too.
   [[nodiscard]] virtual bool accepts_files() const { return false; }
@@ -50,8 +51,8 @@ class Fitting {
 /// The calibration of that kind. Throws UsageError, with what there is, for an unknown one.
 [[nodiscard]] const Fitting& fitting_of(const std::string& kind);
 
-/// Throws the UsageError of run_fit() without running anything, also for files that options name. Options of the
-/// value null are not known yet.
+/// Throws the UsageError of run_fit() without running anything, also for files that options name. Options of
+/// the value null are not known yet.
 void check_fit(const std::string& kind, const nlohmann::json& options);
 
 /// Fitting::doubt_about(). Throws as check_fit().
