@@ -38,7 +38,8 @@ std::optional<FlatSurface> surface_of(const fit::Recording& recording, std::size
   out.label = capture.step.empty() ? std::to_string(capture.id) : step_in_words(capture.step);
   // Outside a loop a step has no words of its own.
   if (capture.step.find('[') == std::string::npos)
-    out.label += ", " + target->name + ", stage " + fit::format_value(capture.stage_rad * fit::deg_per_rad, 0) + " deg";
+    out.label += ", " + target->name + ", stage " +
+                 fit::format_value(capture.stage_rad * fit::deg_per_rad, 0) + " deg";
   out.stage_rad = stage;
   out.temperature_c = capture.temperature_c;
   out.normal = to_lidar * target->outward_normal();
