@@ -63,6 +63,15 @@ void name_sessions(nlohmann::json& result, const std::vector<FitSource>& sources
   for (const FitSource& source : sources)
     names += (names.empty() ? "" : "; ") + std::filesystem::path(source.path).filename().string() +
              (source.session ? ", SHA-256 " + source.session->content_hash() : "");
+  result["recordings"] = nlohmann::json::array();
+  for (const FitSource& source : sources) {
+    nlohmann::json recording = {{"file", std::filesystem::path(source.path).filename().string()}};
+    if (source.session) {
+      recording["sha256"] = source.session->content_hash();
+      recording["captures"] = source.session->recording()->captures().size();
+    }
+    result["recordings"].push_back(std::move(recording));
+  }
   result["notes"].push_back("Made from " + std::to_string(sources.size()) + " recordings together: " + names +
                             ".");
 }

@@ -135,6 +135,22 @@ void add_results(json& certificate, const SessionStore& session) {
     certificate["unknown_physics"] = std::move(unknown);
 }
 
+/// What else a result was made from: conditions and variables are those of the session that keeps it.
+void add_recordings(json& certificate) {
+  for (const json& result : certificate["results"]) {
+    const json recordings = list_of(result.at("result"), "recordings");
+    if (recordings.size() < 2) continue;
+    std::string text;
+    for (const json& recording : recordings) {
+      text += (text.empty() ? "" : ", ") + text_of(recording, "file");
+      if (const double captures = number_of(recording, "captures"); std::isfinite(captures))
+        text += " (" + fit::format_fixed(captures, 0) + " captures)";
+    }
+    add_row(certificate["conditions"], "Recordings of the result " + text_of(result, "kind"),
+            text + ". Variables and the conditions above are of the first alone");
+  }
+}
+
 std::string title_of(const json& certificate, const Standing& standing) {
   if (certificate["results"].empty()) return "Record of a measurement, without a calibration";
   const std::string what = standing.certifies() ? "Calibration certificate"
@@ -188,6 +204,7 @@ json make_certificate(const SessionStore& session, const std::string& session_fi
   if (!dates.imported_utc.empty()) certificate["imported_utc"] = dates.imported_utc;
   if (!dates.measured_local.empty()) certificate["measured_local"] = dates.measured_local;
   add_results(certificate, session);
+  add_recordings(certificate);
   certificate["equipment"] = equipment(bench);
   certificate["accuracy"] = accuracy(recording->bench());
   certificate["as_found"] = as_found(certificate["results"]);

@@ -8,6 +8,7 @@
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/import/import_session.hpp"
+#include "rig/report/certificate.hpp"
 #include "rig/report/report.hpp"
 #include "rig/session/session_store.hpp"
 #include "tests/support/test_folder.hpp"
@@ -158,6 +159,13 @@ TEST_CASE("the five families stand in the paper's order, each with coefficients 
   // It is kept in the first session, whose certificate must name the other.
   CHECK_THAT(result.at("notes").dump(),
              Catch::Contains("first.rig") && Catch::Contains("second.rig, SHA-256 " + two.content_hash()));
+  rig::SessionStore(first, rig::SessionStore::Mode::append).add_result("range", result.dump());
+  const nlohmann::json conditions =
+      rig::make_certificate(rig::SessionStore(first, rig::SessionStore::Mode::read), first).at("conditions");
+  const std::string captures = " (" + std::to_string(two.recording()->captures().size()) + " captures)";
+  CHECK_THAT(conditions.dump(), Catch::Contains("Recordings of the result range") &&
+                                    Catch::Contains("second.rig" + captures) &&
+                                    Catch::Contains("are of the first alone"));
 }
 
 TEST_CASE("where the lidar sits on its stage is part of a range error's uncertainty, along the beam") {
