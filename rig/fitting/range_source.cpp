@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "fit/bench/placed_anew.hpp"
+#include "fit/numeric/distributions.hpp"
 #include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/facing_target.hpp"
@@ -171,6 +172,36 @@ void doubt_drift(RangeSource& source) {
                                   "targets moved. Let the lidar warm up, and measure again");
 }
 
+/// A surface that came back to its place in one session shows how far the lidar drifted meanwhile.
+void doubt_returns(RangeSource& source, std::size_t from) {
+  const std::vector<RangeCapture>& all = source.captures;
+  const auto is_return = [&](const RangeCapture& first, const RangeCapture& again) {
+    return first.target == again.target && std::abs(first.true_mm - again.true_mm) < 0.01 &&
+           first.reflectance && first.reflectance == again.reflectance &&
+           first.temperature_c == again.temperature_c;
+  };
+  std::vector<std::pair<const RangeCapture*, const RangeCapture*>> returns;
+  for (std::size_t j = from; j < all.size(); ++j)
+    for (std::size_t i = from; i < j; ++i)
+      if (is_return(all[i], all[j])) {
+        returns.emplace_back(&all[i], &all[j]);
+        break;
+      }
+  const double chance = fit::chance_of_drift / static_cast<double>(std::max<std::size_t>(1, returns.size()));
+  for (const auto& [first, again] : returns) {
+    const double by_mm = again->point(again->robust).error_mm() - first->point(first->robust).error_mm(),
+                 u_mm = std::hypot(std::hypot(first->robust.u_mm, again->robust.u_mm),
+                                   std::hypot(first->u_placement_mm, again->u_placement_mm));
+    if (!(by_mm * by_mm > fit::chi_squared_quantile(1, 1 - chance) * u_mm * u_mm)) continue;
+    source.contradictions.push_back(again->label + " shows the surface of " + first->label + " again, " +
+                                    fit::format_value(by_mm, 2 * u_mm) +
+                                    " mm farther, U = " + fit::format_value(2 * u_mm, 2 * u_mm) +
+                                    " mm. The lidar drifted between them, or the surface is not back in its "
+                                    "place. Let the lidar warm up, and "
+                                    "measure again");
+  }
+}
+
 }  // namespace
 
 RangeSource read_ranges(const std::vector<FitSource>& sources) {
@@ -178,9 +209,11 @@ RangeSource read_ranges(const std::vector<FitSource>& sources) {
   LeftOut left_out;
   for (const FitSource& source : sources) {
     const auto recording = source.session->recording();
+    const std::size_t before = out.captures.size();
     for (std::size_t i = 0; i < recording->captures().size(); ++i)
       if (auto capture = read_capture(*recording, i, out, left_out))
         out.captures.push_back(std::move(*capture));
+    doubt_returns(out, before);
   }
   for (const auto& group : left_out) out.notes.push_back(in_words(group));
   doubt_drift(out);

@@ -44,13 +44,13 @@ TEST_CASE("Every procedure of the project plans on a bench that comes with it") 
   CHECK(seen >= 8);
 }
 
-TEST_CASE("The range procedures by reflectance capture every surface once, twelve in all") {
+TEST_CASE("The range procedures by reflectance capture twelve surfaces once, and the first again") {
   for (const char* name : {"range-intensity.yaml", "range-ladder.yaml"}) {
     INFO(name);
     const rig::Procedure procedure = rig::read_procedure((folder / name).string());
     long captures = 0;
     for (const auto& step : rig::unroll(procedure, bench_of("range.bench.json"))) captures += step.captures;
-    CHECK(captures == 12);
+    CHECK(captures == 13);
   }
 }
 

@@ -264,6 +264,34 @@ TEST_CASE(
   CHECK_THAT(cold.at("budget").dump(), Catch::Contains("drift within the capture"));
 }
 
+TEST_CASE("a surface that comes back to its place shows that the lidar drifted meanwhile") {
+  const TestFolder place;
+  const auto fitted = [&](const std::string& file, double drift_mm) {
+    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+    set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
+              R"({"name":"wall","from_mm":[500,-300],"to_mm":[500,300],"u_mm":0.3})");
+    std::mt19937_64 random(9);
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < 7; ++i) {
+      fit::CaptureInfo info;
+      const int rung = i < 6 ? i : 0;
+      info.step = i < 6 ? "capture 3.2[rung=" + std::to_string(i) + "]" : "capture 4.2[surface=paper again]";
+      info.target = "wall", info.target_shift_mm = 300.0 * rung, info.reflectance = 0.85;
+      info.first_step = info.last_step = 540;
+      // Between the captures, none of which shows it.
+      add_capture(store, info, 500, [&](int, int) {
+        return Echo{
+            static_cast<std::uint16_t>(std::lround(500 + 300 * rung + drift_mm * i / 6 + 4 * normal(random))),
+            1000};
+      });
+    }
+    return rig::run_fit("range", {{file, &store}}, nlohmann::json::object());
+  };
+  CHECK(fitted(place / "steady.rig", 0).value("contradictions", nlohmann::json::array()).empty());
+  CHECK_THAT(fitted(place / "cold.rig", 4).at("contradictions").dump(),
+             Catch::Contains("paper again shows the surface of"));
+}
+
 TEST_CASE("a target that is moved while the stage stands shows no edge") {
   const TestFolder place;
   const std::string file = place / "ladder.rig";
