@@ -106,4 +106,40 @@ TEST_CASE("a place among the echoes at which ranges jump is no walk for certain"
   for (const auto& found : e.mechanisms) CHECK(found.probability <= 0.9);
 }
 
+TEST_CASE("an offset and a scale in a ladder of one grey are no walk for certain") {
+  constexpr unsigned seed = 1;
+  const double scale = GENERATE(0.003, -0.006);
+  const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 9, "front_step": 4,
+    "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "board", "from_mm": [400, -300], "to_mm": [400, 300],
+    "u_mm": 1, "reflectance": 0.85}],
+    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.2}}}]})");
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 4);
+  SyntheticRecording recording(
+      bench, [&](const fit::CaptureInfo& capture, std::int64_t, std::vector<std::uint16_t>& range,
+                 std::vector<std::uint16_t>& intensity) {
+        for (std::size_t i = 0; i < range.size(); ++i) {
+          const double far =
+              (400 + capture.target_shift_mm) / std::cos((static_cast<double>(i) - 4) * fit::rad_per_deg);
+          range[i] = static_cast<std::uint16_t>(std::lround(far + 12 + scale * far + noise(random)));
+          intensity[i] = static_cast<std::uint16_t>(std::lround(900 * 1000 / far));
+        }
+      });
+  fit::CaptureInfo capture;
+  capture.last_step = 8;
+  capture.target = "board";
+  for (int i = 0; i < 20; ++i) {
+    capture.target_shift_mm = 110.0 * i;
+    recording.add(capture, 20);
+  }
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  for (const auto& found : e.mechanisms)
+    CHECK((found.mechanism->id == "range-scale" || found.mechanism->id == "zero-offset"));
+  if (e.mechanisms.size() == 2) return;
+  REQUIRE_FALSE(e.undecided_between.empty());
+  CHECK(std::ranges::any_of(e.undecided_between,
+                            [](const auto& set) { return std::ranges::count(set, "range-scale") == 1; }));
+}
+
 }  // namespace explain_walk_test
