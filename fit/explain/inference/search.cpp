@@ -239,7 +239,7 @@ class Climber {
     for (const Candidate& candidate : list) {
       if (asked.size() == most) break;
       const Kind& kind = *candidate.term.kind;
-      if (kind.is_form() || candidate.log_evidence < good_part * worth ||
+      if (kind.is_form() || kind.is_same_cause(instead_of) || candidate.log_evidence < good_part * worth ||
           std::ranges::any_of(asked, [&](const Kind* one) { return one->is_same_cause(kind); }))
         continue;
       asked.push_back(&kind);
