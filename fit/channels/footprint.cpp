@@ -22,10 +22,10 @@ using model::Transition;
 /// Nearer, and the light of both is one echo.
 constexpr double apart_mm = 500;
 constexpr double surface_doubt = 0.03;  ///< By which a surface's echo changes within so few degrees.
-/// A line, of too few points without a slope.
+/// A line, of too few points or of one place without a slope.
 double level_at(const StraightLine& line, double x) {
-  constexpr double enough_for_a_slope = 4;
-  return line.points() < enough_for_a_slope ? line.mean() : line.at(x);
+  constexpr double enough_for_a_slope = 4, one_place_deg2 = 1e-6;
+  return line.points() < enough_for_a_slope || line.spread() < one_place_deg2 ? line.mean() : line.at(x);
 }
 
 /// What one surface shows farther from the edge than a beam reaches, along the angle from the edge:

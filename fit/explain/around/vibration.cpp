@@ -24,7 +24,7 @@ struct Series {
   std::vector<std::vector<Scan>> blocks;
   double squares = 0, scans = 0;
   double unit = 0;                       ///< Mean noise of one: rad, or mm.
-  double longest_s = 0, most_scans = 0;  ///< Of a block.
+  double longest_s = 0, nyquist_hz = 0;  ///< Of the longest block, and of the densest.
 
   /// Of each part that.
   Series(const std::vector<model::ScanPart>& parts, bool of_angle, double model::ScanPart::*mm) {
@@ -42,12 +42,13 @@ struct Series {
     }
     unit = scans > 0 ? units / scans : 0;
     for (auto& [block, list] : all) {
-      longest_s = std::max(longest_s, list.back().time_s - list.front().time_s);
-      most_scans = std::max(most_scans, static_cast<double>(list.size()));
+      const double duration_s = list.back().time_s - list.front().time_s;
+      longest_s = std::max(longest_s, duration_s);
+      if (duration_s > 0)
+        nyquist_hz = std::max(nyquist_hz, static_cast<double>(list.size() - 1) / duration_s / 2);
       blocks.push_back(std::move(list));
     }
   }
-  [[nodiscard]] double nyquist_hz() const { return (most_scans - 1) / longest_s / 2; }
   /// The share of all variance that a wave of that frequency has, with a phase of its own in each block.
   [[nodiscard]] double share_at(double hz) const {
     double power = 0;
@@ -88,13 +89,13 @@ std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>
         series(parts, of_angle, &model::ScanPart::mm);
     if (rest.blocks.empty() || !(rest.longest_s > 0)) continue;
     const double resolved_hz = 1 / rest.longest_s,
-                 seen_hz = strongest(rest, slowest * resolved_hz, rest.nyquist_hz(), resolved_hz / 3).hz;
+                 seen_hz = strongest(rest, slowest * resolved_hz, rest.nyquist_hz, resolved_hz / 3).hz;
     const Line of_rest =
                    strongest(rest, seen_hz - resolved_hz / 3, seen_hz + resolved_hz / 3, resolved_hz / 30),
                line = strongest(series, seen_hz - resolved_hz, seen_hz + resolved_hz, resolved_hz / 100);
     // Noise has two degrees of freedom in every block, and the best of all frequencies was taken.
     const auto blocks = static_cast<double>(rest.blocks.size());
-    const double tried = 3 * rest.nyquist_hz() / resolved_hz, by_chance = 2 * blocks / rest.scans,
+    const double tried = 3 * rest.nyquist_hz / resolved_hz, by_chance = 2 * blocks / rest.scans,
                  gain = -rest.scans / 2 * std::log(1 - std::min(0.99, of_rest.share)),
                  price = blocks + 4 * std::sqrt(blocks) + std::log(tried / numbers::forms_expected) +
                          std::log(numbers::named_at / (1 - numbers::named_at));

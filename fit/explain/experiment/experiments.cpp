@@ -125,9 +125,10 @@ Experiment cold_start(const Bench& bench) {
 
 Experiment turning(const Bench& bench, double from_deg, double to_deg) {
   Experiment e = experiment(Experiment::Kind::turning, "The stage turns at two rates, both ways", 40);
+  const double middle_deg = (from_deg + to_deg) / 2, reach_deg = std::min(60.0, (to_deg - from_deg) / 2);
   for (const double rate : {10.0, 30.0})
     for (const double sign : {1.0, -1.0}) {
-      CaptureInfo c = whole_scene(bench, -sign * std::min({60.0, -from_deg, to_deg}) / 2);
+      CaptureInfo c = whole_scene(bench, middle_deg - sign * reach_deg / 2);
       c.stage_rate_rad_s = sign * rate * rad_per_deg;
       c.approach = sign > 0 ? 1 : -1;
       e.captures.push_back(c);

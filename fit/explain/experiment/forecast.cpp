@@ -86,10 +86,10 @@ struct Known {
     return out;
   }
 
-  /// Of one sample, mm^2.
-  [[nodiscard]] double variance(const Cell& cell, double constant_mm) const {
+  /// Of one sample, mm^2. `unstated_mm`: noise beside what the bench file states.
+  [[nodiscard]] double variance(const Cell& cell, double unstated_mm) const {
     const Effect e = effect_of(at_work, cell.at);
-    double sum = e.variance_mm2 > 0 ? e.variance_mm2 : constant_mm * constant_mm;
+    double sum = e.variance_mm2 + unstated_mm * unstated_mm;
     sum += std::pow(cell.sight.beam_lever(), 2) * (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
     const double step = std::max(1.0, e.output_step_mm);
     return sum + step * step / 12;
@@ -160,8 +160,8 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
   if (reduced.smooth_cells() == 0)
     throw std::invalid_argument(
         "no beam of the planned captures meets a target squarely enough to foretell it");
-  const double constant_mm = stated_noise(twin).value > 0 ? stated_noise(twin).value : unstated_noise_mm;
-  for (Cell& cell : reduced.cells) cell.pooled_mm2 = known.variance(cell, constant_mm);
+  const double unstated_mm = stated_noise(twin).value > 0 ? 0 : unstated_noise_mm;
+  for (Cell& cell : reduced.cells) cell.pooled_mm2 = known.variance(cell, unstated_mm);
   const MeanModel model(reduced, {});
   const Eigen::MatrixXd columns = columns_of_doubt(model, known, u);
   Forecast out;

@@ -212,10 +212,12 @@ Standing Together::standing_of(const Placed& placed) {
     if (placed.room)
       for (const std::string& wall : placed.room->absent()[c])
         absent.insert(index_of(placed.joint_name.at(wall)));
+    const auto about = std::ranges::find(bench_.targets, capture.target, &Target::name);
     for (std::size_t t = 0; t < bench_.targets.size(); ++t) {
       const std::string& name = bench_.targets[t].name;
-      const bool stood_in_for = capture.target && *capture.target != name && placed_anew_.contains(name) &&
-                                capture.target->starts_with(name + " at ");
+      const bool stood_in_for =
+          about != bench_.targets.end() && about->name != name && placed_anew_.contains(name) &&
+          same_as_[static_cast<std::size_t>(about - bench_.targets.begin())] == same_as_[t];
       if (capture.target != name && (stood_in_for || !placed.standing.contains(name)))
         absent.insert(static_cast<int>(t));
     }
