@@ -50,3 +50,4 @@ for kind, scene, snr, seed in zip(*[iter(cases)] * 4):
         mechanisms, sets = told(explained(folder, [first, second]))
         print(f"{kind}: with the planned one {mechanisms} {sets}", flush=True)
         assert mechanisms == [kind], "both sessions together should name it, and nothing else"
+        assert all("nothing-missing" in suspects for suspects in sets), "nothing else should be needed"

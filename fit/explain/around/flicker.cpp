@@ -466,9 +466,10 @@ static void take_off(const std::map<int, Complex>& waves, double turn, double pe
     if (!is_new) continue;
     const Group& group = reduced.group_of(s);
     double weight = 0;
-    for (const Cell& cell : reduced.cells_of(s)) {
+    for (std::size_t i = s.first_cell; i < s.last_cell; ++i) {
+      const Cell& cell = reduced.cells[i];
       if (!reduction::is_informative(cell)) continue;
-      const double q = reduction::weight_in_scan(cell, group, group.scans);
+      const double q = reduction::weight_in_scan(reduced, group, i);
       const Complex begin = q * wave->second * std::polar(1.0, turn * cell.at.since_move_s);
       weight += q;
       sums.range += begin;

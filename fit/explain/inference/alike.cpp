@@ -141,40 +141,6 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, Withou
   return rivals;
 }
 
-/// The two mechanisms that a hypothesis has in the place of a kind of the best one; none where it differs
-/// otherwise.
-std::vector<Term> two_instead(const Hypothesis& other, const Hypothesis& best, const Kind& kind) {
-  if (other.terms.size() != best.terms.size() + 1 || other.has(kind)) return {};
-  std::vector<Term> more;
-  std::ranges::copy_if(other.terms, std::back_inserter(more),
-                       [&](const Term& term) { return !best.has(*term.kind); });
-  if (more.size() != 2 || std::ranges::any_of(more, [](const Term& term) { return term.kind->is_form(); }))
-    return {};
-  return more;
-}
-
-/// Pairs of mechanisms, one of which may be what looks like a term of the best hypothesis, that do together
-/// what it does, as well as the recording tells: that one name is likelier than two is all that is against
-/// them.
-std::vector<Member> pairs_of(const Session& session, const Explored& explored, Without& without_each,
-                             const Term& term, double probability) {
-  const Hypothesis& best = explored.best.hypothesis;
-  std::vector<Member> members;
-  if (!best.has(*term.kind)) return members;
-  MayBe may_be(session, *term.kind->mechanism);
-  for (const auto& [kinds, visited] : explored.visited) {
-    const double log_odds = visited.log_posterior() - best.log_posterior();
-    if (log_odds < -numbers::window) continue;
-    const std::vector<Term> two = two_instead(visited, best, *term.kind);
-    if (std::ranges::none_of(two, [&](const Term& one) { return may_be(*one.kind->mechanism); })) continue;
-    const Fitted fitted = fit(session, visited);
-    if (!fits_as_well(fitted, explored.best, without_each(term.kind), *term.kind->mechanism)) continue;
-    for (const Term& one : two_instead(fitted.hypothesis, best, *term.kind))
-      members.push_back({one.kind, std::exp(log_odds) * probability, one});
-  }
-  return members;
-}
-
 /// What the other terms leave of their causes may look like a mechanism, which gains at most as much as that
 /// costs (docs/method/model.md, 7). A function that nobody stated is its cause to within a share of it. So is
 /// a formula; where its smooth deviations are in the model, they leave the same share of what it errs by.
@@ -270,16 +236,13 @@ double share_left(const Fitted& best, std::size_t term) {
   return best.design.blocks[term].deviations > 0 ? error * error : error;
 }
 
-void join_what_looks_alike(const Session& session, const Explored& explored, Posterior& posterior) {
-  const Fitted& best = explored.best;
+void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
   Without without(session, best);
   const LeftByOthers left(best, without);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     std::vector<Member> rivals =
         rivals_of(session, best, without, named.term, named.probability, {named.term.kind->mechanism.get()});
-    std::ranges::copy(pairs_of(session, explored, without, named.term, named.probability),
-                      std::back_inserter(rivals));
     std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
     std::ranges::copy(left.instead_of(named), std::back_inserter(rivals));
     const std::vector<std::string> also = names_of_bench_file(named.term);
@@ -298,10 +261,8 @@ void join_what_looks_alike(const Session& session, const Explored& explored, Pos
       if (member.kind && !member.kind->is_form()) mechanisms.push_back(member.kind->mechanism.get());
     for (const Member& member : std::vector(set.members)) {
       if (!member.kind) continue;
-      if (best.hypothesis.has(*member.kind)) {
+      if (best.hypothesis.has(*member.kind))
         join(rivals_of(session, best, without, member.term, member.probability, mechanisms), set);
-        join(pairs_of(session, explored, without, member.term, member.probability), set);
-      }
       if (member.kind->is_form()) continue;
       for (const std::string& name : names_of_bench_file(member.term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);

@@ -10,10 +10,11 @@ namespace fit::explain::inference {
 
 using Eigen::Index;
 
-std::vector<Eigen::MatrixXd> Approximation::whitened(std::vector<Eigen::MatrixXd> columns) const {
+std::vector<Eigen::MatrixXd> whitened_around(const Session& session, const Optimum& around,
+                                             std::vector<Eigen::MatrixXd> columns) {
   for (std::size_t c = 0; c < columns.size(); ++c)
     if (columns[c].cols() > 0)
-      columns[c] = session_->channels()[c]->whitened(std::move(columns[c]), around_->eta[c]);
+      columns[c] = session.channels()[c]->whitened(std::move(columns[c]), around.eta[c]);
   return columns;
 }
 
@@ -33,19 +34,19 @@ std::vector<Eigen::MatrixXd> Approximation::whitened_at(std::size_t first, std::
   return white;
 }
 
-std::vector<Quadratic> Approximation::projected(const std::vector<Eigen::MatrixXd>& columns,
-                                                std::size_t count) const {
+std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
+                                 const std::vector<Eigen::MatrixXd>& columns, std::size_t count) {
   const auto terms = static_cast<Index>(count);
   Index k = 0;
   for (const auto& c : columns) k = std::max(k, c.cols() / terms);
   std::vector<Quadratic> list(count, {Eigen::MatrixXd::Zero(k, k), Eigen::VectorXd::Zero(k)});
-  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted_->design.mean.size(), terms * k);
+  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(fitted.design.mean.size(), terms * k);
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (columns[c].cols() == 0) continue;
     const Index n = columns[c].cols() / terms;
-    const Eigen::MatrixXd with = transpose_product(around_->white[c], columns[c]);
-    const Eigen::VectorXd along = columns[c].transpose() * around_->white_residual[c];
-    const auto& index = fitted_->design.parts[c].index;
+    const Eigen::MatrixXd with = transpose_product(around.white[c], columns[c]);
+    const Eigen::VectorXd along = columns[c].transpose() * around.white_residual[c];
+    const auto& index = fitted.design.parts[c].index;
     for (Index t = 0; t < terms; ++t) {
       const auto white = columns[c].middleCols(t * n, n);
       Quadratic& q = list[static_cast<std::size_t>(t)];
@@ -54,7 +55,7 @@ std::vector<Quadratic> Approximation::projected(const std::vector<Eigen::MatrixX
       cross(index, Eigen::seqN(t * k, n)) += with.middleCols(t * n, n);
     }
   }
-  const Eigen::MatrixXd solved = around_->factor.solve(cross);
+  const Eigen::MatrixXd solved = around.factor.solve(cross);
   for (Index t = 0; t < terms; ++t)
     list[static_cast<std::size_t>(t)].square -=
         cross.middleCols(t * k, k).transpose() * solved.middleCols(t * k, k);
@@ -69,6 +70,10 @@ std::vector<Eigen::MatrixXd> Approximation::columns_of(const Term& term) const {
   return columns;
 }
 
+Quadratic Approximation::projected_columns(std::vector<Eigen::MatrixXd> columns) const {
+  return projected(*fitted_, *around_, whitened_around(*session_, *around_, std::move(columns))).front();
+}
+
 double Approximation::with_sizes(Term& term, const Quadratic& likelihood, double without_size) const {
   const OverFactors over = integrate_over_factors(likelihood, *kind_);
   if (!over.best.value.allFinite()) return -1e300;
@@ -80,7 +85,7 @@ double Approximation::with_sizes(Term& term, const Quadratic& likelihood, double
 double Approximation::with_sizes(Term& term) const {
   const double without_size = kind_->acts_without_size ? gain_of_offset(term) : 0;
   if (kind_->coefficients.empty()) return without_size;
-  return with_sizes(term, projected(whitened(columns_of(term))).front(), without_size);
+  return with_sizes(term, projected_columns(columns_of(term)), without_size);
 }
 
 std::vector<double> Approximation::with_sizes_at_starts(std::vector<Term>& terms) const {
@@ -90,7 +95,7 @@ std::vector<double> Approximation::with_sizes_at_starts(std::vector<Term>& terms
     if (kind_->acts_without_size) logs[i] = gain_of_offset(terms[i], i);
   for (std::size_t first = 0; first < terms.size() && !kind_->coefficients.empty(); first += together) {
     const std::size_t count = std::min(together, terms.size() - first);
-    const std::vector<Quadratic> each = projected(whitened_at(first, count), count);
+    const std::vector<Quadratic> each = projected(*fitted_, *around_, whitened_at(first, count), count);
     for (std::size_t i = 0; i < count; ++i)
       logs[first + i] = with_sizes(terms[first + i], each[i], logs[first + i]);
   }
@@ -113,10 +118,9 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
     columns[c].resize(rows.rows(), sizes.cols() + places.cols() + deviations.cols());
     columns[c] << sizes, places, deviations;
   }
-  const double all =
-      without_size +
-      integrate_over_factors(projected(whitened(std::move(columns))).front(), *kind_).log_evidence +
-      static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
+  const double all = without_size +
+                     integrate_over_factors(projected_columns(std::move(columns)), *kind_).log_evidence +
+                     static_cast<double>(shapes) * 0.5 * std::log(2 * pi / 12);
   return std::isfinite(all) ? all : -1e300;
 }
 

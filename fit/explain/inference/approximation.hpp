@@ -9,6 +9,15 @@
 
 namespace fit::explain::inference {
 
+/// Columns of all channels, each with its information `around`.
+[[nodiscard]] std::vector<Eigen::MatrixXd> whitened_around(const Session& session, const Optimum& around,
+                                                           std::vector<Eigen::MatrixXd> columns);
+/// Of the whitened columns of so many terms beside each other, with the base and present terms integrated
+/// out. Channels may have different numbers of them: the first ones are the same coefficients in all.
+[[nodiscard]] std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
+                                               const std::vector<Eigen::MatrixXd>& columns,
+                                               std::size_t count = 1);
+
 /// What one kind would add to a fitted hypothesis, by the quadratic approximation of all channels there.
 class Approximation {
  public:
@@ -46,13 +55,9 @@ class Approximation {
   const Kind* kind_;
 
  private:
-  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened(std::vector<Eigen::MatrixXd> columns) const;
   /// At so many of its starts, beside each other.
   [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t first, std::size_t count) const;
-  /// Of the whitened columns of so many terms beside each other, with the base and present terms integrated
-  /// out. Channels may have different numbers of them: the first ones are the same coefficients in all.
-  [[nodiscard]] std::vector<Quadratic> projected(const std::vector<Eigen::MatrixXd>& columns,
-                                                 std::size_t count = 1) const;
+  [[nodiscard]] Quadratic projected_columns(std::vector<Eigen::MatrixXd> columns) const;
   double with_sizes(Term& term, const Quadratic& likelihood, double without_size) const;
   [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const;
   [[nodiscard]] double gain_of_offset(const Term& term, std::optional<std::size_t> start = {}) const;

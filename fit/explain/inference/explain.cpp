@@ -234,7 +234,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.kinds = session.shared_kinds();
   const Explored explored = explore(session, progress);
   out.posterior = posterior_of(explored);
-  join_what_looks_alike(session, explored, out.posterior);
+  join_what_looks_alike(session, explored.best, out.posterior);
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
   out.means.shapes_carry_over = forms_carry_over(session, explored.best);

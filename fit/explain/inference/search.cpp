@@ -5,6 +5,7 @@
 #include <optional>
 #include <set>
 
+#include "fit/explain/inference/pairs.hpp"
 #include "fit/explain/inference/two_cores.hpp"
 #include "fit/explain/numbers.hpp"
 
@@ -106,6 +107,7 @@ class Climber {
     moved_ = true;
     visited_.clear();
     screened_.clear();
+    pairs_.clear();
     std::optional<Fitted> first = fit_all(again);
     best_ = std::move(*first);
     const double best = best_.hypothesis.log_posterior();
@@ -134,11 +136,15 @@ class Climber {
   /// visited then.
   std::vector<Candidate> screened(const Hypothesis& h, const Kind* but = nullptr) {
     const auto [known, is_new] = screened_.try_emplace(h.kinds());
+    const auto ask = [&](const Fitted& present) {
+      known->second = screen(session_, present);
+      pairs_[h.kinds()] = pairs_beside(session_, present);
+    };
     if (is_new && h.kinds() == best_.hypothesis.kinds()) {
-      known->second = screen(session_, best_);
+      ask(best_);
     } else if (is_new) {
       const auto before = visited_.find(h.kinds());
-      known->second = screen(session_, fitted(before != visited_.end() ? before->second : h));
+      ask(fitted(before != visited_.end() ? before->second : h));
     }
     std::vector<Candidate> list = known->second;
     std::erase_if(list, [&](const Candidate& candidate) { return candidate.term.kind == but; });
@@ -208,7 +214,9 @@ class Climber {
     if (h.terms.size() < 2) return;
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
       Hypothesis less = without(h, t);
-      if (!visited_.contains(less.kinds())) list.push_back(std::move(less));
+      if (!visited_.contains(less.kinds()) &&
+          std::ranges::none_of(list, [&](const Hypothesis& other) { return other.kinds() == less.kinds(); }))
+        list.push_back(std::move(less));
     }
   }
 
@@ -224,6 +232,8 @@ class Climber {
       const double worth = whole.log_evidence - less.log_evidence;
       better = take_if_better(fit_each(less, list)) || better;
       better = exchange_for_two(less, all, *whole.terms[t].kind, worth) || better;
+      better = exchange_for_pair(less, *whole.terms[t].kind, whole.log_posterior() - less.log_posterior()) ||
+               better;
     }
     return better;
   }
@@ -233,7 +243,7 @@ class Climber {
                         double worth) {
     constexpr std::size_t most = 2;
     constexpr double good_part = 0.5;
-    if (less.terms.size() + 2 > numbers::most_terms) return false;
+    if (less.terms.size() + 2 > numbers::most_terms || worth < numbers::fits_as_well) return false;
     bool better = false;
     std::vector<const Kind*> asked;
     for (const Candidate& candidate : list) {
@@ -244,10 +254,28 @@ class Climber {
         continue;
       asked.push_back(&kind);
       const Hypothesis first = with_term(less, candidate.term);
-      const auto more = best_of(screened(first, &instead_of), most, forms(1));
+      auto all = screened(first);
+      std::erase_if(all,
+                    [&](const Candidate& second) { return second.term.kind->is_same_cause(instead_of); });
+      const auto more = best_of(all, most, forms(1));
       better = take_if_better(fit_each(visited_.at(first.kinds()), more)) || better;
     }
     return better;
+  }
+
+  /// Of two that are straight neither need show by itself.
+  bool exchange_for_pair(const Hypothesis& less, const Kind& instead_of, double worth) {
+    if (less.terms.size() + 2 > numbers::most_terms) return false;
+    std::vector<Hypothesis> list;
+    for (const Pair& pair : pairs_[less.kinds()]) {
+      if (list.size() == tries || pair.log_posterior() < worth - numbers::window) break;
+      if (std::ranges::any_of(pair.terms,
+                              [&](const Term& term) { return term.kind->is_same_cause(instead_of); }))
+        continue;
+      Hypothesis both = with_term(with_term(less, pair.terms[0]), pair.terms[1]);
+      if (!visited_.contains(both.kinds())) list.push_back(std::move(both));
+    }
+    return take_if_better(fit_all(list));
   }
 
   /// What was fitted to be screened may turn out better than what it was screened for.
@@ -264,6 +292,8 @@ class Climber {
   const Progress& progress_;
   std::map<std::vector<const Kind*>, Hypothesis> visited_;
   std::map<std::vector<const Kind*>, std::vector<Candidate>> screened_;
+  std::map<std::vector<const Kind*>, std::vector<Pair>>
+      pairs_;  ///< Of those that were fitted to be screened.
   Fitted best_;
   std::size_t compared_ = 0;
   bool asks_forms_ = true;

@@ -26,7 +26,7 @@ struct OwnNoise {
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (!reduction::is_informative(cell) || cell.n < 2) continue;
-      const double q = reduction::weight_in_scan(cell, group, group.scans), v = cell.sight.stage_lever();
+      const double q = reduction::weight_in_scan(reduced, group, i), v = cell.sight.stage_lever();
       weight += q;
       lever += q * v * v;
       of_range += q * q * cell.variance_mm2;

@@ -24,7 +24,10 @@ void share_out_again(Reduced& reduced, const Nuisance& fitted, const std::vector
       const auto there_mm = [&](int target) {
         const Sight on = scene.look_at(target, group.stage_rad, cell.beam_rad, effect);
         Circumstances at = cell.at;
-        if (on.target >= 0) scene.describe(on, edges, at);
+        if (on.target >= 0) {
+          scene.describe(on, edges, at);
+          at.target = reduced.same_as[static_cast<std::size_t>(on.target)];
+        }
         return on.range_mm + effect_there(reduced, at_work, at).range_mm;
       };
       const std::span samples(reduced.beside.data() + cell.first_beside,

@@ -7,16 +7,12 @@
 #include <optional>
 
 #include "fit/explain/reduction/lag_products.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {
 
 constexpr int sectors_per_scan = 8;
-
-/// The group's variance over that of the cell's samples.
-double precision_of(const Cell& cell, const Group& group) {
-  return group.sigma_mm * group.sigma_mm / std::max(rounding_mm2, cell.variance_mm2);
-}
 
 /// How much a beam counts in a scan, and its variance over the group's.
 struct Weighed {
@@ -63,9 +59,10 @@ class WholeScans {
         weighed_(static_cast<std::size_t>(samples.beams)) {
     for (std::size_t beam = 0; beam < weighed_.size(); ++beam) {
       if (cell_of_beam_[beam] < 0) continue;
-      const Cell& cell = cell_of(beam);
-      weighed_[beam].weight = weight_in_scan(cell, group_, samples_.scans);
-      if (samples_.scans >= weighted_from_scans) weighed_[beam].variance = 1 / precision_of(cell, group_);
+      weighed_[beam].weight = weight_in_scan(session_, group_, static_cast<std::size_t>(cell_of_beam_[beam]));
+      if (group_.scans >= weighted_from_scans)
+        weighed_[beam].variance =
+            std::max(rounding_mm2, cell_of(beam).variance_mm2) / (group_.sigma_mm * group_.sigma_mm);
     }
   }
 
@@ -171,11 +168,24 @@ class WholeScans {
 
 }  // namespace
 
-double weight_in_scan(const Cell& cell, const Group& group, int scans) {
-  if (scans < weighted_from_scans) return 1;
-  // In steps of four: finer weights would follow by chance what they weigh. Samples whose deviations happen
-  // to be small have a small variance, and what scans have in common would shrink by 2 / n.
-  return std::clamp(std::pow(4, std::round(std::log(precision_of(cell, group)) / std::log(4))), 0.01, 4.0);
+double weight_in_scan(const Reduced& reduced, const Group& group, std::size_t i) {
+  constexpr std::size_t aside = 4;  // beams on either side
+  constexpr double far_noisier = 4;
+  if (group.scans < weighted_from_scans) return 1;
+  // By its neighbours' variance: samples whose deviations happen to be small have a small one themselves, and
+  // what scans have in common would shrink by 2 / n.
+  const Cell& cell = reduced.cells[i];
+  std::vector<double> variances;
+  for (std::size_t k = std::max(group.first_cell + aside, i) - aside;
+       k < std::min(group.last_cell, i + aside + 1); ++k) {
+    const Cell& other = reduced.cells[k];
+    if (k != i && is_informative(other) && other.at.target == cell.at.target)
+      variances.push_back(other.variance_mm2);
+  }
+  double usual = group.sigma_mm * group.sigma_mm;
+  if (!variances.empty()) usual = std::max(rounding_mm2, median_of(std::move(variances)));
+  if (cell.variance_mm2 > far_noisier * usual) usual = cell.variance_mm2;
+  return std::clamp(group.sigma_mm * group.sigma_mm / usual, 0.01, 4.0);
 }
 
 bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }

@@ -8,8 +8,9 @@
 
 namespace fit::explain::reduction {
 
-/// Where enough samples tell, a noisy beam counts less: else its noise looks like the whole scan's.
-[[nodiscard]] double weight_in_scan(const Cell& cell, const Group& group, int scans);
+/// Of a cell of that group. Where enough samples tell, a noisy beam counts less: else its noise looks like
+/// the whole scan's.
+[[nodiscard]] double weight_in_scan(const Reduced& reduced, const Group& group, std::size_t cell);
 
 /// Whether a cell's samples say what their scans have in common.
 [[nodiscard]] bool is_informative(const Cell& cell);

@@ -107,8 +107,8 @@ TEST_CASE("a place among the echoes at which ranges jump is no walk for certain"
 }
 
 TEST_CASE("an offset and a scale in a ladder of one grey are no walk for certain") {
-  constexpr double scale = 0.003;
-  const unsigned seed = GENERATE(1U, 2U, 3U);
+  const double scale = GENERATE(0.003, -0.006);
+  const unsigned seed = GENERATE(1U, 2U);
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 9, "front_step": 4,
     "step_deg": 1, "scan_hz": 40}, "targets": [{"name": "board", "from_mm": [400, -300], "to_mm": [400, 300],
     "u_mm": 1, "reflectance": 0.85}],
