@@ -4,6 +4,8 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <string>
+#include <vector>
 
 #include "fit/explain/explanation.hpp"
 #include "synthetic_recording.hpp"
@@ -104,6 +106,22 @@ TEST_CASE("a place among the echoes at which ranges jump is no walk for certain"
   INFO(to_text(e));
   CHECK((e.unknown || !e.undecided_between.empty()));
   for (const auto& found : e.mechanisms) CHECK(found.probability <= 0.9);
+}
+
+TEST_CASE("a saturation that levels off is one") {
+  const unsigned seed = GENERATE(1U, 2U);
+  const Explanation e = explanation_of_wall(
+      [](double echo) {
+        const double over = 1200 * std::sqrt(echo) / 400 - 1;  // counts, above 400
+        return over > 0 ? -5 * (1 - std::exp(-over)) : 0.0;
+      },
+      seed);
+  INFO(to_text(e));
+  CHECK_FALSE(e.unknown);
+  std::vector<std::string> names;
+  for (const auto& found : e.mechanisms) names.push_back(found.mechanism->id);
+  for (const auto& set : e.undecided_between) names.insert(names.end(), set.begin(), set.end());
+  CHECK(std::ranges::count(names, "saturation") == 1);
 }
 
 TEST_CASE("an offset and a scale in a ladder of one grey are no walk for certain") {

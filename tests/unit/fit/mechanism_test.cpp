@@ -103,10 +103,10 @@ const std::map<std::string, Equation>& equations() {
       {"range-scale", {{{"scale", 2e-3}}, [](const Beam& x) { return range(2e-3 * x.r); }}},
       {"range-walk", {{{"amplitude_mm", 20}, {"intensity_scale", 400}, {"exponent", 1}, {"power", 0.5}},
                       [](const Beam& x) { return range(200 / std::sqrt(x.I) * std::exp(-x.I / 400)); }}},
-      {"saturation", {{{"slope_mm_per_100_counts", 5}, {"threshold_counts", 900}, {"room_counts", 5000}},
-                      [](const Beam& x) {  // a R = 5 mm / 100 * 5000
+      {"saturation", {{{"slope_mm_per_100_counts", 5}, {"threshold_counts", 900}, {"room_counts", 5000}, {"level_counts", 800}},
+                      [](const Beam& x) {  // a L = 5 mm / 100 * 800
                         const double above = 60 * std::log(1 + std::exp((x.I - 900) / 60));
-                        return range(250 * std::log(1 - above / 5000));
+                        return range(40 * (std::pow(1 - above / 5000, 5000.0 / 800) - 1));
                       }}},
       {"cyclic-error", {{{"amplitude_mm", 6}, {"phase_deg", 25}, {"period_mm", 700}},
                         [](const Beam& x) { return range(6 * std::sin((360 * x.r / 700 + 25) * degree)); }}},
