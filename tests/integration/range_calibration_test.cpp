@@ -209,7 +209,7 @@ run range-validation.yaml a3.rig --set samples=100 --set correction=correction.j
     const double counts = counts_of(0.85, mm), error = 30 * std::exp(-counts / 500) + 0.002 * mm;
     CHECK(correction.apply(mm + error, counts).range_mm == Approx(mm).margin(1));
   }
-  // Twelve captures in one session: walk and scale come apart where they were measured.
+  // In one session: walk and scale come apart where they were measured.
   const fit::Correction ladder = correction_in(nlohmann::json::parse(file_text(place / "ladder.json")));
   REQUIRE(ladder.intensity);
   REQUIRE(ladder.range);
