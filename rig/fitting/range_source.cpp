@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 
 #include "fit/bench/placed_anew.hpp"
@@ -151,29 +152,40 @@ std::optional<RangeCapture> read_capture(const fit::Recording& recording, std::s
   return out;
 }
 
+/// The captures of one recording, and how a sentence names them.
+struct OfRecording {
+  std::size_t from, to;
+  std::string prefix;  ///< The file, where several recordings are fitted.
+};
+
 /// Ranges that change within captures whose target stands still: a lidar that warms up, above all.
-void doubt_drift(RangeSource& source) {
+void doubt_drift(RangeSource& source, const std::vector<OfRecording>& recordings) {
   std::vector<fit::Trend> trends;
+  std::string name;
   const RangeCapture* most = nullptr;
   const auto pull = [](const RangeCapture& c) {
     return std::abs(c.robust.trend.rise.value) / c.robust.trend.rise.u;
   };
-  for (const RangeCapture& capture : source.captures) {
-    trends.push_back(capture.robust.trend);
-    if (capture.robust.trend.is_known() && (!most || pull(capture) > pull(*most))) most = &capture;
-  }
+  for (const OfRecording& recording : recordings)
+    for (std::size_t i = recording.from; i < recording.to; ++i) {
+      const RangeCapture& capture = source.captures[i];
+      trends.push_back(capture.robust.trend);
+      if (!capture.robust.trend.is_known() || (most && pull(capture) <= pull(*most))) continue;
+      most = &capture, name = recording.prefix + capture.label;
+    }
   if (!fit::drift_together(trends, fit::chance_of_drift)) return;
   const fit::Estimate& rise = most->robust.trend.rise;
-  source.contradictions.push_back("The ranges drift within the captures, most surely in " + most->label +
-                                  ": by " + fit::format_value(rise.value, 2 * rise.u) +
+  source.contradictions.push_back("The ranges drift within the captures, most surely in " + name + ": by " +
+                                  fit::format_value(rise.value, 2 * rise.u) +
                                   " mm, U = " + fit::format_value(2 * rise.u, 2 * rise.u) +
                                   " mm, from its first to its last sample. Steady captures show this in 1 of "
                                   "1,000 fits. The lidar was not warm, or "
                                   "targets moved. Let the lidar warm up, and measure again");
 }
 
-/// A surface that came back to its place in one session shows how far the lidar drifted meanwhile.
-void doubt_returns(RangeSource& source, std::size_t from) {
+/// A surface that came back to its place in one session shows how far the lidar drifted meanwhile. Nothing
+/// says that two captures show the same surface but its reflectance.
+void doubt_returns(RangeSource& source, const OfRecording& recording) {
   const std::vector<RangeCapture>& all = source.captures;
   const auto is_return = [&](const RangeCapture& first, const RangeCapture& again) {
     return first.target == again.target && std::abs(first.true_mm - again.true_mm) < 0.01 &&
@@ -181,8 +193,8 @@ void doubt_returns(RangeSource& source, std::size_t from) {
            first.temperature_c == again.temperature_c;
   };
   std::vector<std::pair<const RangeCapture*, const RangeCapture*>> returns;
-  for (std::size_t j = from; j < all.size(); ++j)
-    for (std::size_t i = from; i < j; ++i)
+  for (std::size_t j = recording.from; j < recording.to; ++j)
+    for (std::size_t i = recording.from; i < j; ++i)
       if (is_return(all[i], all[j])) {
         returns.emplace_back(&all[i], &all[j]);
         break;
@@ -193,12 +205,13 @@ void doubt_returns(RangeSource& source, std::size_t from) {
                  u_mm = std::hypot(std::hypot(first->robust.u_mm, again->robust.u_mm),
                                    std::hypot(first->u_placement_mm, again->u_placement_mm));
     if (!(by_mm * by_mm > fit::chi_squared_quantile(1, 1 - chance) * u_mm * u_mm)) continue;
-    source.contradictions.push_back(again->label + " shows the surface of " + first->label + " again, " +
-                                    fit::format_value(by_mm, 2 * u_mm) +
-                                    " mm farther, U = " + fit::format_value(2 * u_mm, 2 * u_mm) +
-                                    " mm. The lidar drifted between them, or the surface is not back in its "
-                                    "place. Let the lidar warm up, and "
-                                    "measure again");
+    source.contradictions.push_back(
+        "Two captures of reflectance " + fit::format_value(*first->reflectance, 0) + " at " +
+        fit::format_fixed(first->true_mm, 0) + " mm differ: " + recording.prefix + again->label + " reads " +
+        fit::format_value(std::abs(by_mm), 2 * u_mm) + " mm " + (by_mm < 0 ? "nearer" : "farther") +
+        " than " + first->label + ", U = " + fit::format_value(2 * u_mm, 2 * u_mm) +
+        " mm. The lidar drifted between them, or they are not the same surface in the same place. Let the "
+        "lidar warm up, and measure again");
   }
 }
 
@@ -207,16 +220,20 @@ void doubt_returns(RangeSource& source, std::size_t from) {
 RangeSource read_ranges(const std::vector<FitSource>& sources) {
   RangeSource out;
   LeftOut left_out;
+  std::vector<OfRecording> recordings;
   for (const FitSource& source : sources) {
     const auto recording = source.session->recording();
     const std::size_t before = out.captures.size();
     for (std::size_t i = 0; i < recording->captures().size(); ++i)
       if (auto capture = read_capture(*recording, i, out, left_out))
         out.captures.push_back(std::move(*capture));
-    doubt_returns(out, before);
+    recordings.push_back(
+        {before, out.captures.size(),
+         sources.size() > 1 ? std::filesystem::path(source.path).filename().string() + ", " : std::string()});
+    doubt_returns(out, recordings.back());
   }
   for (const auto& group : left_out) out.notes.push_back(in_words(group));
-  doubt_drift(out);
+  doubt_drift(out, recordings);
   if (!out.captures.empty()) return out;
   std::string why;
   for (const auto* all : {&out.notes, &out.contradictions})

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -266,8 +267,9 @@ TEST_CASE(
 
 TEST_CASE("a surface that comes back to its place shows that the lidar drifted meanwhile") {
   const TestFolder place;
-  const auto fitted = [&](const std::string& file, double drift_mm) {
-    rig::SessionStore store(file, rig::SessionStore::Mode::create);
+  const auto measured = [&](const std::string& file, double drift_mm) {
+    auto made = std::make_unique<rig::SessionStore>(file, rig::SessionStore::Mode::create);
+    rig::SessionStore& store = *made;
     set_bench(store, R"({"x_mm":0,"y_mm":0,"yaw_deg":0})",
               R"({"name":"wall","from_mm":[500,-300],"to_mm":[500,300],"u_mm":0.3})");
     std::mt19937_64 random(9);
@@ -285,11 +287,23 @@ TEST_CASE("a surface that comes back to its place shows that the lidar drifted m
             1000};
       });
     }
-    return rig::run_fit("range", {{file, &store}}, nlohmann::json::object());
+    return made;
+  };
+  const auto fitted = [&](const std::string& file, double drift_mm) {
+    return rig::run_fit("range", {{file, measured(file, drift_mm).get()}}, nlohmann::json::object());
   };
   CHECK(fitted(place / "steady.rig", 0).value("contradictions", nlohmann::json::array()).empty());
-  CHECK_THAT(fitted(place / "cold.rig", 4).at("contradictions").dump(),
-             Catch::Contains("paper again shows the surface of"));
+  CHECK_THAT(
+      fitted(place / "cold.rig", 4).at("contradictions").dump(),
+      Catch::Contains("Two captures of reflectance 0.85 at 500 mm differ: step 4.2, paper again reads") &&
+          Catch::Contains(" mm farther than step 3.2, rung 0, U = "));
+  CHECK_THAT(fitted(place / "other-way.rig", -4).at("contradictions").dump(),
+             Catch::Contains(" mm nearer than ") && !Catch::Contains("reads -"));
+  const auto one = measured(place / "one.rig", 4), other = measured(place / "other.rig", 0);
+  const nlohmann::json both =
+      rig::run_fit("range", {{place / "one.rig", one.get()}, {place / "other.rig", other.get()}},
+                   nlohmann::json::object());
+  CHECK_THAT(both.at("contradictions").dump(), Catch::Contains("differ: one.rig, step 4.2"));
 }
 
 TEST_CASE("a target that is moved while the stage stands shows no edge") {
