@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "fit/numeric/distributions.hpp"
 
+#include <algorithm>
 #include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/fisher_f.hpp>
+#include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <limits>
 
 namespace fit {
 
@@ -16,6 +20,15 @@ double chi_squared_quantile(double freedom, double probability) {
 
 double student_quantile(double freedom, double probability) {
   return quantile(boost::math::students_t(freedom), probability);
+}
+
+double normal_quantile(double probability) { return quantile(boost::math::normal(), probability); }
+
+double normal_equivalent(double freedom, double t) {
+  const double above = cdf(complement(boost::math::students_t(freedom), std::abs(t)));
+  const double z =
+      quantile(complement(boost::math::normal(), std::max(above, std::numeric_limits<double>::min())));
+  return std::copysign(z, t);
 }
 
 double fisher_above(double numerator_freedom, double denominator_freedom, double x) {

@@ -10,6 +10,10 @@ double chi_squared_cdf(double freedom, double x);
 double chi_squared_quantile(double freedom, double probability);
 /// The t with P(T <= t) = `probability`, Student's distribution.
 double student_quantile(double freedom, double probability);
+/// The x with P(X <= x) = `probability`, standard normal distribution.
+double normal_quantile(double probability);
+/// The standard normal deviate that is as improbable as `t` is by Student's distribution.
+double normal_equivalent(double freedom, double t);
 /// P(F > x), Fisher's distribution.
 double fisher_above(double numerator_freedom, double denominator_freedom, double x);
 /// P(at least `count` of `n`), each by itself with `probability`.

@@ -101,6 +101,12 @@ void summarise(const std::vector<double>& kept, SelectedMean& out) {
   for (const double value : kept) square += (value - out.mean_mm) * (value - out.mean_mm);
   out.sd_mm = kept.size() > 1 ? std::sqrt(square / (n - 1)) : 1 / std::sqrt(12.0);
   out.effective = n / correlation_time(kept);
+  out.u_mm = uncertainty_of_mean(out.sd_mm, out.effective);
+}
+
+/// Of samples in the order in which they were taken.
+void add_drift(const std::vector<double>& kept, SelectedMean& out) {
+  if (kept.empty()) return;
   out.trend = trend_of(kept);
   if (out.trend.beyond(chance_of_drift)) {
     // The surface's range lies anywhere in the span that the mean passed through.
@@ -155,6 +161,7 @@ SelectedMean select_most_frequent(std::span<const Sample> samples, const Selecti
       ++out.rejected.other_intensity;
   }
   summarise(kept, out);
+  add_drift(kept, out);
   return out;
 }
 
@@ -171,6 +178,7 @@ SelectedMean select_robust(std::span<const Sample> samples, const SelectionOptio
     intensity += samples[i].intensity;
   }
   summarise(kept, out);
+  add_drift(kept, out);
   if (kept.empty()) return out;
   out.intensity = intensity / static_cast<double>(kept.size());
   constexpr double huber = 1.345;  // 95 % efficient for normal noise.

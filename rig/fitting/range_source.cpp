@@ -175,12 +175,12 @@ void doubt_drift(RangeSource& source, const std::vector<OfRecording>& recordings
     }
   if (!fit::drift_together(trends, fit::chance_of_drift)) return;
   const fit::Estimate& rise = most->robust.trend.rise;
-  source.contradictions.push_back("The ranges drift within the captures, most surely in " + name + ": by " +
-                                  fit::format_value(rise.value, 2 * rise.u) +
-                                  " mm, U = " + fit::format_value(2 * rise.u, 2 * rise.u) +
-                                  " mm, from its first to its last sample. Steady captures show this in 1 of "
-                                  "1,000 fits. The lidar was not warm, or "
-                                  "targets moved. Let the lidar warm up, and measure again");
+  source.contradictions.push_back(
+      "The ranges drift within the captures, most surely in " + name + ": by " +
+      fit::format_value(rise.value, 2 * rise.u) + " mm, U = " + fit::format_value(2 * rise.u, 2 * rise.u) +
+      " mm, from its first to its last sample. Steady captures without long memory show this in at most 1 of "
+      "1,000 fits. The lidar was not warm, or "
+      "targets moved. Let the lidar warm up, and measure again");
 }
 
 /// A surface that came back to its place in one session shows how far the lidar drifted meanwhile. Nothing
