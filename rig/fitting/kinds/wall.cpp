@@ -8,10 +8,12 @@
 #include <stdexcept>
 
 #include "fit/numeric/angle.hpp"
+#include "fit/numeric/number_format.hpp"
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
 #include "rig/fitting/result_document.hpp"
 #include "rig/fitting/uncertainty_budget.hpp"
+#include "rig/json_fields.hpp"
 
 namespace rig::fittings {
 namespace {
@@ -165,47 +167,58 @@ void add_values(json& out, const fit::WallFit& fit, const fit::Bench& bench) {
   out["covariance"] = covariance_of_values(fit, angle.u());
 }
 
+/// Not a number where the result has none.
 double u_stated(const json& out, const std::string& name) {
   for (const json& value : out.at("values"))
-    if (value.at("name") == name) return value.at("u").get<double>();
-  return 0;
+    if (value.at("name") == name) return number_of(value, "u");
+  return std::nan("");
 }
 
-/// What all methods share with the joint fit: everything in a value's budget but noise and scatter of the
-/// ranges.
+/// Standard uncertainty of a quantity by the joint fit: from the ranges, and what all methods share.
+struct PartsOfU {
+  double ranges = 0, shared = 0;
+};
+
+/// All methods share everything in a value's budget but noise and scatter of the ranges.
 struct SharedByMethods {
-  double radius_mm, direction_deg, angle_deg;
+  PartsOfU radius_mm, direction_deg, angle_deg;
   SharedByMethods(const json& out, const fit::WallFit& fit) {
     const Eigen::Vector2d m = fit.joint.segment<2>(1);
     const double radius = std::max(1e-9, m.norm());
-    const auto beyond = [&](const char* name, const Vector6& slope) {
-      return std::sqrt(std::max(0.0, std::pow(u_stated(out, name), 2) - slope.dot(fit.from_ranges * slope)));
+    const auto parts = [&](const char* name, const Vector6& slope) {
+      const double square = std::max(0.0, slope.dot(fit.from_ranges * slope)),
+                   beyond = std::pow(u_stated(out, name), 2) - square;
+      return PartsOfU{std::sqrt(square), beyond < 0 ? 0 : std::sqrt(beyond)};
     };
     Vector6 radial = Vector6::Zero(), around = Vector6::Zero();
     radial.segment<2>(1) = m / radius;
     around.segment<2>(1) = Eigen::Vector2d(-m.y(), m.x()) / (radius * radius) * fit::deg_per_rad;
-    radius_mm = beyond("radius_mm", radial);
-    direction_deg = beyond("direction_deg", around);
-    angle_deg = beyond("mounting_angle_deg", Vector6::Unit(0) * fit::deg_per_rad);
+    radius_mm = parts("radius_mm", radial);
+    direction_deg = parts("direction_deg", around);
+    angle_deg = parts("mounting_angle_deg", Vector6::Unit(0) * fit::deg_per_rad);
   }
 };
 
-fit::Estimate with(const fit::Estimate& own, double shared) { return {own.value, std::hypot(own.u, shared)}; }
+/// Nothing where the method's own u is not known.
+fit::Estimate with(const fit::Estimate& own, const PartsOfU& parts) {
+  return {own.value, own.u > 0 ? std::hypot(own.u, parts.shared) : 0};
+}
 
-/// Simpler methods beside the joint fit, whose deviations were taken off before.
+/// Simpler methods beside the joint fit. What the devices and boards do to both alike is no difference: each
+/// has the u that its ranges give it.
 void compare_simpler(json& out, const fit::WallFit& fit) {
-  const SharedByMethods shared(out, fit);
+  const SharedByMethods parts(out, fit);
+  const double k = fit::coverage_factor(fit.capture_freedom);
   if (fit.repeats >= 3)
-    compare_methods(
-        out, "Mounting angle",
-        {"from all beams together", {degrees(joint(fit, 0)).value, u_stated(out, "mounting_angle_deg")}},
-        {"from the slope of the front wall at stage angle 0",
-         with(degrees(fit.patent_angle_rad), shared.angle_deg)},
-        "deg");
+    compare_methods(out, "Mounting angle by the ranges alone",
+                    {"from all beams together", {degrees(joint(fit, 0)).value, parts.angle_deg.ranges}, k},
+                    {"from the slope of the front wall at stage angle 0", degrees(fit.patent_angle_rad)},
+                    "deg");
   for (const fit::WallCircle& way : fit.ways)
-    if (way.circle && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
-      compare_methods(out, "Distance of the lidar from the axis", {"from all beams together", fit.radius_mm},
-                      {"from a circle through its positions", with(way.radius_mm, shared.radius_mm)}, "mm");
+    if (way.radius_mm.u > 0 && way.way.starts_with("both walls") && way.way.ends_with("geometric circle"))
+      compare_methods(out, "Distance of the lidar from the axis by the ranges alone",
+                      {"from all beams together", {fit.radius_mm.value, parts.radius_mm.ranges}, k},
+                      {"from a circle through its positions", way.radius_mm}, "mm");
 }
 
 /// A wall that does not stand where the bench file says.
@@ -230,30 +243,27 @@ void add_ways(json& out, const fit::WallFit& fit) {
   const auto row = [&](const std::string& way, const fit::Estimate& radius, const fit::Estimate& d,
                        std::size_t points, std::size_t inliers) {
     const bool circle = radius.value > 0;
-    rows.push_back({way, circle ? json(radius.value) : json(nullptr), circle ? json(radius.u) : json(nullptr),
-                    number_or_null(d.value), d.u > 0 ? json(d.u) : json(nullptr), points, inliers});
+    rows.push_back({way, circle ? json(radius.value) : json(nullptr),
+                    circle && radius.u > 0 ? number_or_null(radius.u) : json(nullptr),
+                    number_or_null(d.value), d.u > 0 ? number_or_null(d.u) : json(nullptr), points, inliers});
   };
   row("joint least squares of all beams", {fit.radius_mm.value, u_stated(out, "radius_mm")},
       {degrees(fit.direction_rad).value, u_stated(out, "direction_deg")}, fit.beams, fit.beams);
   for (const fit::WallCircle& way : fit.ways)
     row(way.way, with(way.radius_mm, shared.radius_mm),
-        with(degrees(way.direction_rad), way.direction_rad.u > 0 ? shared.direction_deg : 0), way.points,
-        way.inliers);
-  out["tables"].push_back(
-      {{"title",
-        "The offset by each method (u: as in the value's budget; for circles with noise, selection "
-        "and bias of that way)"},
-       {"columns",
-        {"way", unit_column("radius", "mm"), unit_column("u", "mm"), unit_column("direction", "deg"),
-         unit_column("u", "deg"), "points", "used"}},
-       {"rows", rows}});
+        with(degrees(way.direction_rad), shared.direction_deg), way.points, way.inliers);
+  out["tables"].push_back({{"title", "The offset by each method (u: standard uncertainty)"},
+                           {"columns",
+                            {"way", unit_column("radius", "mm"), unit_column("u", "mm"),
+                             unit_column("direction", "deg"), unit_column("u", "deg"), "points", "used"}},
+                           {"rows", rows}});
   json angles = json::array();
   const fit::Estimate own = degrees(joint(fit, 0)), patent = degrees(fit.patent_angle_rad);
-  angles.push_back(
-      {"joint least squares of all beams", own.value, u_stated(out, "mounting_angle_deg"), fit.means.size()});
+  angles.push_back({"joint least squares of all beams", own.value,
+                    number_or_null(u_stated(out, "mounting_angle_deg")), fit.means.size()});
   if (fit.repeats > 0)
     angles.push_back({"patent: mean slope of the front wall at stage angle 0", patent.value,
-                      with(patent, shared.angle_deg).u, fit.repeats});
+                      number_or_null(with(patent, shared.angle_deg).u), fit.repeats});
   out["tables"].push_back(
       {{"title", "The mounting angle by each method"},
        {"columns", {"way", unit_column("angle", "deg"), unit_column("u", "deg"), "captures"}},
