@@ -395,14 +395,16 @@ class Range : public Fitting {
       sum += std::pow(corrected_a - corrected_b, 2);
       largest = std::max(largest, std::abs(corrected_a - corrected_b));
     }
-    // Both from the same captures: over all of them, their mean difference is what one way adds to the other.
+    // Both from the same captures: over all of them, their mean difference is what one way adds to the other,
+    // and a drift is in both.
     double mean = 0, u2 = 0;
     const auto captures = static_cast<double>(source.captures.size());
     for (const RangeCapture& c : source.captures) {
       mean += (correction.apply(c.point(c.paper).measured_mm, c.paper.intensity).range_mm -
                correction.apply(c.point(c.robust).measured_mm, c.robust.intensity).range_mm) /
               captures;
-      u2 += (c.paper.u_mm * c.paper.u_mm + c.robust.u_mm * c.robust.u_mm) / (captures * captures);
+      for (const fit::SelectedMean* of : {&c.paper, &c.robust})
+        u2 += std::max(0.0, of->u_mm * of->u_mm - of->u_drift_mm * of->u_drift_mm) / (captures * captures);
     }
     compare_methods(
         out, "Corrected range against its mean over the captures",
