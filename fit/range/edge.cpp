@@ -275,13 +275,14 @@ void trim(EdgeCrossing& crossing, const EdgeOptions& options) {
   crossing.step_rad = least < 1e9 ? least : 0;
 }
 
-/// Counts the window in stops of one series. Nothing where it was not passed evenly from a smooth stop to a
-/// smooth stop.
+/// Counts the window in stops of one series. Nothing where it was not passed evenly from a smooth stop of one
+/// surface to a smooth stop of the other: what jitters between two of one surface does so by chance.
 std::optional<CountedWindow> count_window(const std::vector<EdgeStop>& series) {
   const auto jitters = [](const EdgeStop& stop) { return stop.state == EdgeStop::State::jitter; };
   const auto first = std::ranges::find_if(series, jitters);
   const auto behind = std::find_if(series.rbegin(), series.rend(), jitters).base();
   if (first == series.begin() || first == series.end() || behind == series.end()) return std::nullopt;
+  if ((first - 1)->state == behind->state) return std::nullopt;
   std::vector<double> gaps;
   for (auto stop = first; stop != behind + 1; ++stop)
     if (const double gap = stop->stage_rad - (stop - 1)->stage_rad; gap > same_angle_rad) gaps.push_back(gap);

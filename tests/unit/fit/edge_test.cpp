@@ -123,6 +123,24 @@ TEST_CASE(
   CHECK(crossing.counted->last_rad / deg == Approx(40.10));
 }
 
+TEST_CASE("a stop that jitters by chance between two of one surface is no window") {
+  fit::Bench bench;
+  SyntheticRecording recording(
+      bench, [](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
+        const double stage_deg = capture.stage_rad / deg;
+        const bool passes_by = std::abs(stage_deg - 40.25) < 1e-6 && seq % 5 == 0;
+        const bool beyond = stage_deg < 39.98 || (stage_deg < 40.03 && seq % 2 == 0) || passes_by;
+        std::ranges::fill(range, static_cast<std::uint16_t>((beyond ? 2300 : 1500) + seq % 7 - 3));
+        std::ranges::fill(intensity, std::uint16_t{1800});
+      });
+  sweep(recording, 39.905, 40.155, 0.05, 500, "find-edge 1");
+  sweep(recording, 40.2, 40.3, 0.01, 500, "sweep 2");
+  const auto crossings = fit::find_edge_crossings(recording);
+  const auto& crossing = front_beam(crossings);
+  REQUIRE(crossing.counted);
+  CHECK(crossing.counted->step_rad / deg == Approx(0.05));
+}
+
 TEST_CASE("strays of the surface itself are no jitter, however many stops have them") {
   auto random = std::make_shared<std::mt19937_64>(7);
   fit::Bench bench;
