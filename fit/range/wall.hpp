@@ -49,7 +49,8 @@ struct WallObservation {
 struct WallCircle {
   std::string way;
   std::optional<CircleFit> circle;
-  Estimate radius_mm, direction_rad;  ///< u: noise, and what the way makes of it; not what the devices do.
+  Estimate radius_mm, direction_rad;  ///< u: noise, and what the way makes of it; not what the devices do. 0:
+                                      ///< not known.
   std::size_t points = 0, inliers = 0;
 };
 

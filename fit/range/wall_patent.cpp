@@ -105,6 +105,7 @@ class Imitations {
       imitated.at[i] = axis + Eigen::Rotation2Dd(positions.stages[i]) * truth_;
       of_capture[positions.captures[i]].push_back(positions.at[i] - imitated.at[i]);
     }
+    widen(of_capture);
     std::vector<const std::vector<Vector2d>*> pools;
     for (const auto& [capture, deviations] : of_capture) pools.push_back(&deviations);
     const std::vector<Vector2d> expected = imitated.at;
@@ -124,7 +125,7 @@ class Imitations {
                      phase_of(circles->algebraic.circle, imitated, circles->inliers), truth_);
     }
   }
-  /// Root mean square of the errors: scatter and bias together.
+  /// Root mean square of the errors, 0 where there are none: scatter and bias together.
   [[nodiscard]] double u_radius_mm(bool geometric) const {
     return (geometric ? geometric_ : algebraic_).rms(0);
   }
@@ -140,8 +141,22 @@ class Imitations {
       squares[1] += std::pow(wrap_angle(phase - std::atan2(truth.y(), truth.x())), 2);
       ++n;
     }
-    [[nodiscard]] double rms(int which) const { return std::sqrt(squares[which] / n); }
+    [[nodiscard]] double rms(int which) const { return n > 0 ? std::sqrt(squares[which] / n) : 0; }
   };
+
+  /// The joint fit's six parameters have taken part of the deviations between captures, each of which gives
+  /// two distances. Nothing is left to imitate where they have taken all.
+  static void widen(std::map<std::size_t, std::vector<Vector2d>>& of_capture) {
+    const double distances = 2 * static_cast<double>(of_capture.size());
+    if (distances <= 6) return of_capture.clear();
+    const double by = std::sqrt(distances / (distances - 6));
+    for (auto& [capture, deviations] : of_capture) {
+      Vector2d mean = Vector2d::Zero();
+      for (const Vector2d& deviation : deviations) mean += deviation / static_cast<double>(deviations.size());
+      for (Vector2d& deviation : deviations) deviation += (by - 1) * mean;
+    }
+  }
+
   Vector2d truth_;
   Errors geometric_, algebraic_;
 };

@@ -109,6 +109,41 @@ TEST_CASE("mounting angle and radius are found within 0.02 deg and 0.2 mm, and t
        << covered[3]);
 }
 
+TEST_CASE("circles are as uncertain as they err, also of few captures") {
+  const Corner truth;
+  constexpr int seeds = 60;
+  for (const double step_deg : {20.0, 80.0}) {
+    std::map<std::string, double> radii, directions;
+    for (unsigned seed = 0; seed < seeds; ++seed) {
+      const auto recording = turn(truth, 500 + seed, -160, 160, step_deg, 20);
+      for (const fit::WallCircle& w : fit::fit_wall({&recording}).ways) {
+        if (!w.circle) continue;
+        REQUIRE(w.radius_mm.u > 0);
+        radii[w.way] += std::pow((w.radius_mm.value - truth.radius) / w.radius_mm.u, 2) / seeds;
+        directions[w.way] +=
+            std::pow((w.direction_rad.value - truth.direction) / w.direction_rad.u, 2) / seeds;
+      }
+    }
+    CHECK(radii.size() == 4);
+    for (const auto* squares : {&radii, &directions})
+      for (const auto& [name, mean] : *squares) {
+        INFO(name << ", every " << step_deg << " deg, " << (squares == &radii ? "radius" : "direction"));
+        CHECK(std::sqrt(mean) > 0.4);
+        CHECK(std::sqrt(mean) < 1.3);  // 1, and three standard deviations of it.
+      }
+  }
+}
+
+TEST_CASE("circles of as many captures as the fit has parameters for have no uncertainty of their own") {
+  const auto recording = turn({}, 1, 180, 179, 1, 20);
+  fit::WallFit fit;
+  try {
+    fit = fit::fit_wall({&recording});
+  } catch (const std::invalid_argument&) {  // Nor is there a fit.
+  }
+  for (const fit::WallCircle& w : fit.ways) CHECK(w.radius_mm.u == 0);
+}
+
 TEST_CASE("on a short arc the algebraic circle is biased, the geometric and the joint one are not") {
   const Corner truth;
   double algebraic = 0, geometric = 0, joint = 0, joint_u = 0;
