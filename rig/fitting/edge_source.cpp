@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 
 #include "fit/bench/json_position.hpp"
@@ -120,7 +121,7 @@ EdgeSource read_edges(const std::vector<FitSource>& sources, const FitOptions& o
   EdgeSource source;
   for (const FitSource& file : sources) {
     source.recordings.push_back(file.session->recording());
-    source.names.push_back(file.path);
+    source.names.push_back(std::filesystem::path(file.path).filename().string());
   }
   source.target = target_of(source.recordings, options);
   fit::EdgeOptions edge;

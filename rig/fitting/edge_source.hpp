@@ -19,7 +19,7 @@ struct SourcedCrossing {
 /// The edge crossings of all sources, reduced to those of the target the captures are about.
 struct EdgeSource {
   std::vector<std::unique_ptr<fit::Recording>> recordings;
-  std::vector<std::string> names;           ///< Their files.
+  std::vector<std::string> names;           ///< Their files, without folders.
   std::vector<SourcedCrossing> crossings;   ///< Best known first.
   std::string target;                       ///< Empty: captures name none.
   std::vector<std::string> contradictions;  ///< Where the bench file contradicts the captures.
