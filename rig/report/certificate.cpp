@@ -147,7 +147,7 @@ void add_recordings(json& certificate) {
         text += " (" + fit::format_fixed(captures, 0) + " captures)";
     }
     add_row(certificate["conditions"], "Recordings of the result " + text_of(result, "kind"),
-            text + ". Variables and the conditions above are of the first alone");
+            text + ". Variables and the conditions above are of the session that keeps it");
   }
 }
 

@@ -166,7 +166,7 @@ TEST_CASE("the five families stand in the paper's order, each with coefficients 
   const std::string captures = " (" + std::to_string(two.recording()->captures().size()) + " captures)";
   CHECK_THAT(conditions.dump(), Catch::Contains("Recordings of the result range") &&
                                     Catch::Contains("second.rig" + captures) &&
-                                    Catch::Contains("are of the first alone"));
+                                    Catch::Contains("are of the session that keeps it"));
 }
 
 TEST_CASE("where the lidar sits on its stage is part of a range error's uncertainty, along the beam") {
