@@ -39,4 +39,30 @@ double binomial_at_least(double n, double probability, double count) {
   return cdf(complement(boost::math::binomial(n, probability), count - 1));
 }
 
+double beta_binomial_at_least(double n, double a, double b, double count) {
+  if (count <= 0) return 1;
+  if (count > n) return 0;
+  const auto log_beta = [](double x, double y) {
+    return std::lgamma(x) + std::lgamma(y) - std::lgamma(x + y);
+  };
+  const auto at = [&](double k) {
+    return std::exp(-std::log(n + 1) - log_beta(n - k + 1, k + 1) + log_beta(k + a, n - k + b) -
+                    log_beta(a, b));
+  };
+  // The tail beyond the mean, whose terms fall.
+  const bool is_above = count > n * a / (a + b);
+  double sum = 0;
+  if (is_above)
+    for (double k = count, term = at(k); k <= n && term > 1e-12 * sum; ++k) {
+      sum += term;
+      term *= (n - k) * (k + a) / ((k + 1) * (n - k - 1 + b));
+    }
+  else
+    for (double k = count - 1, term = at(k); k >= 0 && term > 1e-12 * sum; --k) {
+      sum += term;
+      term *= k * (n - k + b) / ((n - k + 1) * (k - 1 + a));
+    }
+  return std::clamp(is_above ? sum : 1 - sum, 0.0, 1.0);
+}
+
 }  // namespace fit

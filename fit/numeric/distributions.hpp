@@ -18,5 +18,7 @@ double normal_equivalent(double freedom, double t);
 double fisher_above(double numerator_freedom, double denominator_freedom, double x);
 /// P(at least `count` of `n`), each by itself with `probability`.
 double binomial_at_least(double n, double probability, double count);
+/// P(at least `count` of `n`), all with one probability of which Beta(`a`, `b`) is known.
+double beta_binomial_at_least(double n, double a, double b, double count);
 
 }  // namespace fit

@@ -80,22 +80,21 @@ struct Level {
 
 Level level_of(const BeamStop& stop) { return {stop.median_mm, std::max(3.0, 5 * stop.sigma_mm)}; }
 
-bool leaves(long outside, long n, double expected, double chance) {
-  if (outside == 0) return false;
-  return binomial_at_least(static_cast<double>(n), std::min(expected, 0.5), static_cast<double>(outside)) <
-         chance;
-}
-
 /// Samples of some stops, and how many of them left the gate of a surface.
 struct Pool {
   long outside = 0, n = 0;
-  /// Rule of succession: a short reference promises nothing.
-  [[nodiscard]] double share() const {
-    return (static_cast<double>(outside) + 1) / (static_cast<double>(n) + 2);
-  }
   [[nodiscard]] Pool without(const Pool& other) const { return {outside - other.outside, n - other.n}; }
   void add(const Pool& other) { outside += other.outside, n += other.n; }
 };
+
+/// Whether chance alone leaves the gate so often with at most that probability. What is known of the
+/// surface's own share is what the others counted: a few of them promise little.
+bool leaves(const Pool& stop, const Pool& others, double chance) {
+  if (stop.outside == 0) return false;
+  const auto outside = static_cast<double>(others.outside), n = static_cast<double>(others.n);
+  return beta_binomial_at_least(static_cast<double>(stop.n), outside + 1, n - outside + 1,
+                                static_cast<double>(stop.outside)) < chance;
+}
 
 /// Which stops see one surface only. `stops` are those that mostly see it, from the farthest from the edge to
 /// the nearest. Each is held against all other smooth ones together, so that a stop beyond chance neither
@@ -104,7 +103,7 @@ std::vector<bool> smooth_ones(const std::vector<Pool>& stops, double chance) {
   std::vector<bool> smooth(stops.size(), false);
   Pool pool;
   for (std::size_t i = 0; i < stops.size(); ++i) {
-    smooth[i] = i == 0 || !leaves(stops[i].outside, stops[i].n, pool.share(), chance);
+    smooth[i] = i == 0 || !leaves(stops[i], pool, chance);
     if (smooth[i]) pool.add(stops[i]);
   }
   // Ends where nothing changes; stops that change each other in a circle are left as they are.
@@ -112,7 +111,7 @@ std::vector<bool> smooth_ones(const std::vector<Pool>& stops, double chance) {
     std::vector<bool> next(stops.size());
     for (std::size_t i = 0; i < stops.size(); ++i) {
       const Pool others = smooth[i] ? pool.without(stops[i]) : pool;
-      next[i] = others.n == 0 || !leaves(stops[i].outside, stops[i].n, others.share(), chance);
+      next[i] = others.n == 0 || !leaves(stops[i], others, chance);
     }
     if (next == smooth) break;
     smooth = std::move(next);
@@ -243,7 +242,8 @@ EdgeCrossing crossing_of(const Passage& passage, const EdgeOptions& options) {
     if (in_front != rising) std::ranges::reverse(mostly), std::ranges::reverse(pools);
     const std::vector<bool> smooth = smooth_ones(pools, options.chance);
     for (std::size_t j = 0; j < mostly.size(); ++j)
-      if (smooth[j])
+      // Within both gates it is in front, as was found first.
+      if (smooth[j] && crossing.stops[mostly[j]].state == EdgeStop::State::jitter)
         crossing.stops[mostly[j]].state = in_front ? EdgeStop::State::front : EdgeStop::State::back;
   }
   return crossing;

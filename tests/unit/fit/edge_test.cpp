@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "fit/numeric/distributions.hpp"
 #include "synthetic_recording.hpp"
 
 namespace edge_test {
@@ -121,6 +122,26 @@ TEST_CASE(
   const auto& crossing = front_beam(crossings);
   REQUIRE(crossing.counted);
   CHECK(crossing.counted->last_rad / deg == Approx(40.10));
+}
+
+TEST_CASE("what leaves a gate by chance does so as often as stated, with few stops to compare as with many") {
+  std::mt19937_64 random(3);
+  for (const double share : {0.01, 0.1})
+    for (const long stops : {1, 2, 30}) {
+      std::binomial_distribution<long> in_one(1000, share), in_others(1000 * stops, share);
+      int beyond = 0;
+      for (int i = 0; i < 20000; ++i) {
+        const auto others = static_cast<double>(in_others(random)), n = 1000.0 * static_cast<double>(stops);
+        beyond += fit::beta_binomial_at_least(1000, others + 1, n - others + 1,
+                                              static_cast<double>(in_one(random))) < 1e-3;
+      }
+      INFO(share << ", " << stops);
+      CHECK(beyond <= 34);  // 20, and three standard deviations of the count.
+    }
+  CHECK(fit::beta_binomial_at_least(1000, 1e9, 9e9, 120) ==
+        Approx(fit::binomial_at_least(1000, 0.1, 120)).epsilon(1e-3));
+  CHECK(fit::beta_binomial_at_least(10, 1, 1, 4) == Approx(7.0 / 11));
+  CHECK(fit::beta_binomial_at_least(10, 1, 1, 8) == Approx(3.0 / 11));
 }
 
 TEST_CASE("a stop that jitters by chance between two of one surface is no window") {
