@@ -6,6 +6,7 @@
 
 #include "rig/errors.hpp"
 #include "rig/fitting/fitting.hpp"
+#include "tests/support/test_folder.hpp"
 
 namespace fit_options_test {
 namespace {
@@ -110,6 +111,18 @@ TEST_CASE(
         CHECK_NOTHROW(rig::check_fit(
             fitting->kind(),
             {{option.name, std::visit([](const auto& value) { return json(value); }, *option.otherwise)}}));
+    }
+}
+
+TEST_CASE("a damaged file that a validation names is refused as a wrong option is, before the run") {
+  const TestFolder place;
+  std::ofstream(place / "noise.rig") << std::string("SQLite format 3\0", 16) << std::string(5000, '\x07');
+  std::ofstream(place / "text.rig") << "no session";
+  std::ofstream(place / "broken.json") << "{";
+  for (const char* option : {"centre", "correction"})
+    for (const char* name : {"noise.rig", "text.rig", "broken.json", "none.rig"}) {
+      INFO(option << " " << name);
+      CHECK_THROWS_AS(rig::check_fit("validation", {{option, place / name}}), rig::UsageError);
     }
 }
 
