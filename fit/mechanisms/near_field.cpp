@@ -21,6 +21,7 @@ Mechanism make_near_field() {
            rounded(std::abs(f.largest_mm), 2) + " mm at " + rounded(f.largest_at, 3) +
            " mm, and the effect fades by 1/e every " + with_uncertainty(f.at("reach_mm"), "mm") + ".";
   };
+  m.looks_like = {"window-reflection"};  // of which few beams show
   m.separate = "repeat the near distances with a darker target, and at another beam angle";
   return m;
 }

@@ -25,6 +25,7 @@ Mechanism make_window_reflection() {
            std::string(f.largest_mm > 0 ? "long" : "short") + " around beam " +
            with_uncertainty(f.at("centre_deg"), "deg") + ": a reflection from the window.";
   };
+  m.looks_like = {"near-field"};  // where no other beams look at near targets
   m.separate = "turn the stage so that other beams look at the same near target";
   return m;
 }
