@@ -63,11 +63,20 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   return noise;
 }
 
-/// Of the stage's angle at every stop, with mount and targets fitted at the present prediction.
-double variance_of_stops(const Reduced& reduced, const MeanNoise& noise) {
-  if (reduced.smooth_cells() == 0 || stops_of(reduced).empty()) return 0;
+/// The stage's angle errs at every stop, and at every capture there: with mount and targets fitted at the
+/// present prediction.
+void add_errors_of_stops(const Reduced& reduced, MeanNoise& noise) {
+  noise.stop_rad2 = 0;
+  if (reduced.smooth_cells() == 0 || stops_of(reduced).empty()) return;
   const Reduced rows = merged(reduced, numbers::search_rows);
-  return variance_of_stops_rad2(rows, model_of(rows, noise, explain::Hypothesis(rows.bench)));
+  const MeanModel model = model_of(rows, noise, explain::Hypothesis(rows.bench));
+  noise.stop_rad2 = variance_of_stops_rad2(rows, model);
+  const double of_capture = variance_within_stops_rad2(rows, model);
+  if (of_capture == 0) return;
+  noise.angle_rad2.resize(reduced.groups.size(), 0.0);
+  for (std::size_t g = 0; g < noise.angle_rad2.size(); ++g)
+    if (stands_still(reduced, g) || (g + 1 < reduced.groups.size() && stands_still(reduced, g + 1)))
+      noise.angle_rad2[g] += of_capture;
 }
 
 std::shared_ptr<const Squared> white_base_of(const ChannelRows& rows) {
@@ -203,7 +212,7 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
   predict(reduced_, there, at_work, false);
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
-  noise.stop_rad2 = variance_of_stops(reduced_, noise);
+  add_errors_of_stops(reduced_, noise);
   const std::vector<Index> before = row_counts();
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);

@@ -20,8 +20,7 @@ struct Seen {
   [[nodiscard]] double variance_rad2() const { return 1 / information; }
 };
 
-std::vector<Seen> seen_at_stops(const Reduced& reduced, const MeanModel& model) {
-  const std::vector<Stop> stops = stops_of(reduced);
+std::vector<Seen> seen_at(const std::vector<Stop>& stops, const Reduced& reduced, const MeanModel& model) {
   std::vector<std::size_t> stop_of(reduced.groups.size(), stops.size());
   std::vector<Seen> list(stops.size());
   for (std::size_t s = 0; s < stops.size(); ++s) {
@@ -39,7 +38,6 @@ std::vector<Seen> seen_at_stops(const Reduced& reduced, const MeanModel& model) 
     list[s].along += weight * lever * residual[i];
     list[s].information += weight * lever * lever;
   }
-  std::erase_if(list, [](const Seen& one) { return !(one.information > 0); });
   return list;
 }
 
@@ -75,24 +73,16 @@ double log_likelihood(const std::vector<Bend>& bends, double variance) {
   return sum;
 }
 
-/// Its posterior mean, uniform up to `most_rad` before. Both orders are of the same stops; or something that
-/// changes with the other place makes the bends along one of them larger, nobody knows by how much.
-double variance_by(const std::vector<Bend>& in_time, const std::vector<Bend>& along_stage, double most_rad) {
+/// Posterior mean of a variance whose root is uniform up to `most_rad` before. `logs_at`: log-likelihoods
+/// there, of all that may be.
+template <class LogsAt>
+double mean_variance(double most_rad, const LogsAt& logs_at) {
   constexpr int steps = 40;
-  constexpr std::array more{0.25, 1.0, 4.0, 16.0, 64.0, 256.0};
   std::vector<double> logs, variances;
-  const auto disturbed = [&](const std::vector<Bend>& bends, double variance) {
-    std::vector<double> larger;
-    for (const double times : more)
-      larger.push_back(log_likelihood(bends, variance + times * most_rad * most_rad));
-    return inference::log_sum(larger) - std::log(more.size());
-  };
   for (int step = 0; step <= steps; ++step) {
-    const double variance = std::pow(most_rad * step / steps, 2), time = log_likelihood(in_time, variance),
-                 stage = log_likelihood(along_stage, variance);
-    for (const double both :
-         {time + stage, disturbed(in_time, variance) + stage, time + disturbed(along_stage, variance)}) {
-      logs.push_back(both / 2);
+    const double variance = std::pow(most_rad * step / steps, 2);
+    for (const double log : logs_at(variance)) {
+      logs.push_back(log);
       variances.push_back(variance);
     }
   }
@@ -100,6 +90,43 @@ double variance_by(const std::vector<Bend>& in_time, const std::vector<Bend>& al
   double mean = 0;
   for (std::size_t i = 0; i < logs.size(); ++i) mean += std::exp(logs[i] - all) * variances[i];
   return mean;
+}
+
+/// Both orders are of the same stops; or something that changes with the other place makes the bends along
+/// one of them larger, nobody knows by how much.
+double variance_by(const std::vector<Bend>& in_time, const std::vector<Bend>& along_stage, double most_rad) {
+  constexpr std::array more{0.25, 1.0, 4.0, 16.0, 64.0, 256.0};
+  const auto disturbed = [&](const std::vector<Bend>& bends, double variance) {
+    std::vector<double> larger;
+    for (const double times : more)
+      larger.push_back(log_likelihood(bends, variance + times * most_rad * most_rad));
+    return inference::log_sum(larger) - std::log(more.size());
+  };
+  return mean_variance(most_rad, [&](double variance) {
+    const double time = log_likelihood(in_time, variance), stage = log_likelihood(along_stage, variance);
+    return std::array{(time + stage) / 2, (disturbed(in_time, variance) + stage) / 2,
+                      (time + disturbed(along_stage, variance)) / 2};
+  });
+}
+
+/// How captures of one stop differ from the one before.
+std::vector<Bend> steps_within(const Reduced& reduced, const MeanModel& model) {
+  std::vector<Stop> groups;
+  for (std::size_t g = 0; g < reduced.groups.size(); ++g) groups.push_back({g, g + 1});
+  const std::vector<Seen> seen = seen_at(groups, reduced, model);
+  std::vector<Bend> steps;
+  for (std::size_t g = 1; g < seen.size(); ++g) {
+    if (!stands_still(reduced, g) || reduced.groups[g - 1].capture == reduced.groups[g].capture) continue;
+    const Seen &before = seen[g - 1], &now = seen[g];
+    if (!(before.information > 0) || !(now.information > 0)) continue;
+    const double off = now.angle_rad() - before.angle_rad();
+    steps.push_back({off * off, before.variance_rad2() + now.variance_rad2(), 2});
+  }
+  return steps;
+}
+
+double most_of_a_stop_rad(const Bench& bench) {
+  return std::hypot(bench.stage_resolution_rad / std::sqrt(12.0), accuracy_of(bench).stage_position_rad.u);
 }
 
 }  // namespace
@@ -129,11 +156,19 @@ std::vector<Stop> stops_of(const Reduced& reduced) {
 }
 
 double variance_of_stops_rad2(const Reduced& reduced, const MeanModel& model) {
-  const double most_rad = std::hypot(reduced.bench.stage_resolution_rad / std::sqrt(12.0),
-                                     accuracy_of(reduced.bench).stage_position_rad.u);
-  const std::vector<Seen> list = seen_at_stops(reduced, model);
+  const double most_rad = most_of_a_stop_rad(reduced.bench);
+  std::vector<Seen> list = seen_at(stops_of(reduced), reduced, model);
+  std::erase_if(list, [](const Seen& one) { return !(one.information > 0); });
   if (list.empty() || !(most_rad > 0)) return 0;
   return variance_by(bends_along(list, &Seen::time_s), bends_along(list, &Seen::stage_rad), most_rad);
+}
+
+double variance_within_stops_rad2(const Reduced& reduced, const MeanModel& model) {
+  const double most_rad = most_of_a_stop_rad(reduced.bench);
+  const std::vector<Bend> steps = steps_within(reduced, model);
+  if (steps.empty() || !(most_rad > 0)) return 0;
+  return mean_variance(most_rad,
+                       [&](double variance) { return std::array{log_likelihood(steps, variance)}; });
 }
 
 }  // namespace fit::explain
