@@ -54,12 +54,12 @@ Trend trend_of(std::span<const double> values) {
   for (std::size_t i = 0; i < values.size(); ++i) rest.push_back(values[i] - line.at(static_cast<double>(i)));
   // The line must not pass for memory, nor memory for the line. What is rounded is never known better than
   // that.
-  out.sd = std::max(std::sqrt(std::max(0.0, line.off()) / (n - 2)), 1 / std::sqrt(12.0));
+  const double sd = std::max(std::sqrt(std::max(0.0, line.off()) / (n - 2)), 1 / std::sqrt(12.0));
   const double u_mean = u_by_curves(rest);
-  out.effective = std::min(n, out.sd * out.sd / (u_mean * u_mean));
+  out.effective = std::min(n, sd * sd / (u_mean * u_mean));
   out.freedom = curves;
-  out.rise = {line.slope() * (n - 1), out.sd * std::sqrt(12 / out.effective)};
-  if (out.sd < 0.5)
+  out.rise = {line.slope() * (n - 1), sd * std::sqrt(12 / out.effective)};
+  if (sd < 0.5)
     out.rise.u = std::hypot(out.rise.u, 1 / std::sqrt(6.0));  // Two roundings that do not average out.
   return out;
 }

@@ -9,8 +9,7 @@ namespace fit {
 
 /// A straight line through values in the order in which they were taken, by least squares.
 struct Trend {
-  Estimate rise;  ///< From the first to the last, in the values' unit. u: with their memory.
-  double sd = 0;  ///< Of one value about the line.
+  Estimate rise;         ///< From the first to the last, in the values' unit. u: with their memory.
   double effective = 0;  ///< Independent values that they are worth about the line.
   double freedom = 1;    ///< Degrees of freedom of the rise's u.
   /// Fewer say too little of how they remember.

@@ -60,14 +60,15 @@ std::string padded(const std::string& text, std::size_t width) {
 /// The result is kept in the first session only: its certificate must tell what else it was made from.
 void name_sessions(nlohmann::json& result, const std::vector<FitSource>& sources) {
   std::string names;
-  for (const FitSource& source : sources)
-    names += (names.empty() ? "" : "; ") + std::filesystem::path(source.path).filename().string() +
-             (source.session ? ", SHA-256 " + source.session->content_hash() : "");
   result["recordings"] = nlohmann::json::array();
   for (const FitSource& source : sources) {
-    nlohmann::json recording = {{"file", std::filesystem::path(source.path).filename().string()}};
+    const std::string file = std::filesystem::path(source.path).filename().string();
+    names += (names.empty() ? "" : "; ") + file;
+    nlohmann::json recording = {{"file", file}};
     if (source.session) {
-      recording["sha256"] = source.session->content_hash();
+      const std::string hash = source.session->content_hash();
+      names += ", SHA-256 " + hash;
+      recording["sha256"] = hash;
       recording["captures"] = source.session->recording()->captures().size();
     }
     result["recordings"].push_back(std::move(recording));

@@ -7,7 +7,6 @@
 #include <iterator>
 #include <map>
 #include <numeric>
-#include <set>
 
 #include "fit/explain/inference/screen.hpp"
 #include "fit/explain/inference/steps.hpp"

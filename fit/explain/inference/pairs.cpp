@@ -14,7 +14,7 @@ using Eigen::Index;
 /// Mechanisms of sizes alone, with the columns of all of them beside each other.
 class Straight {
  public:
-  Straight(const Session& session, const Fitted& fitted) {
+  Straight(const Session& session, const Fitted& fitted, const Optimum& around) {
     for (const Kind& kind : session.kinds()) {
       const bool is_straight = !kind.is_form() && kind.starts.size() == 1 && !kind.acts_without_size &&
                                !kind.bins && !kind.threshold && !kind.begins && !kind.coefficients.empty();
@@ -27,7 +27,6 @@ class Straight {
       count_ += std::ssize(kind.coefficients);
     }
     if (kinds_.size() < 2) return;
-    const Optimum around = raised(session, fitted.design, fitted.optimum);
     std::vector<Eigen::MatrixXd> columns(session.channels().size());
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (std::ranges::none_of(kinds_, [&](const Kind* kind) { return bool(kind->acts_in[c]); })) continue;
@@ -89,8 +88,8 @@ class Straight {
 
 }  // namespace
 
-std::vector<Pair> pairs_beside(const Session& session, const Fitted& fitted) {
-  const Straight straight(session, fitted);
+std::vector<Pair> pairs_beside(const Session& session, const Fitted& fitted, const Optimum& around) {
+  const Straight straight(session, fitted, around);
   std::vector<Pair> list;
   for (std::size_t i = 0; i < straight.size(); ++i)
     for (std::size_t j = i + 1; j < straight.size(); ++j)

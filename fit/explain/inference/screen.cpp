@@ -314,6 +314,11 @@ class Question : Approximation {
 }  // namespace
 
 std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but) {
+  return screen(session, fitted, raised(session, fitted.design, fitted.optimum), but);
+}
+
+std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Optimum& around,
+                              const Kind* but) {
   std::vector<const Kind*> asked;
   for (const Kind& kind : session.kinds())
     if (&kind != but && std::ranges::none_of(fitted.hypothesis.terms, [&](const Term& term) {
@@ -322,7 +327,6 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
       asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
   std::vector<Question> questions;
-  const Optimum around = raised(session, fitted.design, fitted.optimum);
   for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
   on_two_cores(questions.size(), [&](std::size_t i) { questions[i].ask_starts(); });
   std::ranges::sort(questions, std::greater<>(), &Question::promise);

@@ -19,5 +19,8 @@ struct Candidate {
 /// Every kind that is not in the hypothesis, nor `but`; the most probable first.
 [[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
                                             const Kind* but = nullptr);
+/// The same with the fitted likelihood raised before.
+[[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
+                                            const Optimum& around, const Kind* but);
 
 }  // namespace fit::explain::inference

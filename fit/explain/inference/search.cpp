@@ -137,8 +137,9 @@ class Climber {
   std::vector<Candidate> screened(const Hypothesis& h, const Kind* but = nullptr) {
     const auto [known, is_new] = screened_.try_emplace(h.kinds());
     const auto ask = [&](const Fitted& present) {
-      known->second = screen(session_, present);
-      pairs_[h.kinds()] = pairs_beside(session_, present);
+      const Optimum around = raised(session_, present.design, present.optimum);
+      known->second = screen(session_, present, around, nullptr);
+      pairs_[h.kinds()] = pairs_beside(session_, present, around);
     };
     if (is_new && h.kinds() == best_.hypothesis.kinds()) {
       ask(best_);

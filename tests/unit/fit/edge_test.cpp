@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "fit/numeric/distributions.hpp"
@@ -69,6 +70,16 @@ const fit::EdgeCrossing& front_beam(const std::vector<fit::EdgeCrossing>& crossi
   return crossings.front();
 }
 
+/// A board, and 800 mm behind it a background that a scan sees where that says so.
+SyntheticRecording board_before_background(
+    std::function<bool(double stage_deg, std::int64_t seq)> sees_behind) {
+  return {fit::Bench{}, [=](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
+            const bool behind = sees_behind(capture.stage_rad / deg, seq);
+            std::ranges::fill(range, static_cast<std::uint16_t>((behind ? 2300 : 1500) + seq % 7 - 3));
+            std::ranges::fill(intensity, std::uint16_t{1800});
+          }};
+}
+
 }  // namespace
 
 TEST_CASE("a sweep over a board's edge gives its angle and the window of jitter as in the paper") {
@@ -104,18 +115,11 @@ TEST_CASE("the window is counted in the sweep's own stops, also where a search s
 
 TEST_CASE(
     "six samples of a thousand on the background are jitter, though the stop at the end is a short one") {
-  fit::Bench bench;
-  const auto sees_behind = [](double stage_deg, std::int64_t seq) {
+  SyntheticRecording recording = board_before_background([](double stage_deg, std::int64_t seq) {
     if (stage_deg < 40.045) return true;
     if (stage_deg < 40.095) return seq % 4 == 0;
     return stage_deg < 40.105 && seq < 6;  // All further out see the board alone.
-  };
-  SyntheticRecording recording(
-      bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
-        const bool beyond = sees_behind(capture.stage_rad / deg, seq);
-        std::ranges::fill(range, static_cast<std::uint16_t>((beyond ? 2300 : 1500) + seq % 7 - 3));
-        std::ranges::fill(intensity, std::uint16_t{1800});
-      });
+  });
   sweep(recording, 39.9, 40.2, 0.01, 1000, "sweep 2");
   sweep(recording, 40.25, 40.251, 0.01, 200, "find-edge 1");
   const auto crossings = fit::find_edge_crossings(recording);
@@ -145,15 +149,10 @@ TEST_CASE("what leaves a gate by chance does so as often as stated, with few sto
 }
 
 TEST_CASE("a stop that jitters by chance between two of one surface is no window") {
-  fit::Bench bench;
-  SyntheticRecording recording(
-      bench, [](const fit::CaptureInfo& capture, std::int64_t seq, auto& range, auto& intensity) {
-        const double stage_deg = capture.stage_rad / deg;
-        const bool passes_by = std::abs(stage_deg - 40.25) < 1e-6 && seq % 5 == 0;
-        const bool beyond = stage_deg < 39.98 || (stage_deg < 40.03 && seq % 2 == 0) || passes_by;
-        std::ranges::fill(range, static_cast<std::uint16_t>((beyond ? 2300 : 1500) + seq % 7 - 3));
-        std::ranges::fill(intensity, std::uint16_t{1800});
-      });
+  SyntheticRecording recording = board_before_background([](double stage_deg, std::int64_t seq) {
+    const bool passes_by = std::abs(stage_deg - 40.25) < 1e-6 && seq % 5 == 0;
+    return stage_deg < 39.98 || (stage_deg < 40.03 && seq % 2 == 0) || passes_by;
+  });
   sweep(recording, 39.905, 40.155, 0.05, 500, "find-edge 1");
   sweep(recording, 40.2, 40.3, 0.01, 500, "sweep 2");
   const auto crossings = fit::find_edge_crossings(recording);

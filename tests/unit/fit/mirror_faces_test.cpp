@@ -5,7 +5,7 @@
 #include <random>
 
 #include "fit/explain/explanation.hpp"
-#include "plain_bench.hpp"
+#include "slanted_room.hpp"
 #include "synthetic_recording.hpp"
 #include "tests/support/rounds.hpp"
 
@@ -15,22 +15,11 @@ namespace {
 using fit::explain::Explanation;
 using plain_bench::degree;
 
-/// A room of which most is seen at a slant, so that a range that all beams have in common resembles a turn of
-/// the stage. Every face of the mirror reads its own amount too far; the stage comes from both sides. Noise
+/// Every face of the mirror reads its own amount too far; the stage comes from both sides. Noise
 /// is the same everywhere, or as many times that as there are metres of range, over two.
 Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double swing_deg = 0,
                       int scans = 12, bool not_moved_before_first = false, bool noise_grows = false) {
-  const std::vector<plain_bench::Wall> room{
-      {{2400, -3000}, {1100, 1500}}, {{1100, 1500}, {-2800, 1500}}, {{-2800, 1500}, {2400, -3000}}};
-  const plain_bench::Mount mount{8, 3, -20};
-  const fit::Bench bench =
-      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
-    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 8, "u": 3}, "y_mm": {"value": 3, "u": 3},
-    "yaw_deg": {"value": -20, "u": 0.3}}}, "targets": [
-    {"name": "east", "from_mm": [2400, -3000], "to_mm": [1100, 1500], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [1100, 1500], "to_mm": [-2800, 1500], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "slant", "from_mm": [-2800, 1500], "to_mm": [2400, -3000], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 4, "u": 0.4}}}]})");
+  const fit::Bench bench = slanted_room::bench(R"({"value": 4, "u": 0.4})");
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0, 4);
   SyntheticRecording recording(
@@ -41,7 +30,8 @@ Explanation explained(const std::vector<double>& faces_mm, unsigned seed, double
           const double since_s = 0.025 * static_cast<double>(seq) + (beam + 135 * degree) / (14400 * degree);
           const double swings =
               swing_deg * degree * capture.approach * std::exp(-since_s / 0.1) * std::cos(30 * since_s);
-          const auto met = plain_bench::look(room, mount, capture.stage_rad, beam, {.stage_rad = swings});
+          const auto met = plain_bench::look(slanted_room::walls, slanted_room::mount, capture.stage_rad,
+                                             beam, {.stage_rad = swings});
           const double times = noise_grows ? met->range_mm / 2000 : 1;
           const double mm = met->range_mm + faces_mm[turn % faces_mm.size()] + times * noise(random);
           range[k] = static_cast<std::uint16_t>(std::lround(mm));

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "fit/explain/explanation.hpp"
-#include "plain_bench.hpp"
+#include "slanted_room.hpp"
 #include "synthetic_recording.hpp"
 
 namespace stage_stops_test {
@@ -17,17 +17,8 @@ using plain_bench::degree;
 /// Four captures at each of six stage angles, of which nothing is missing: the stage errs by up to half of
 /// its resolution, anew at every capture or once for all four.
 Explanation explained(bool anew_at_every_capture, unsigned seed) {
-  const std::vector<plain_bench::Wall> room{
-      {{2400, -3000}, {1100, 1500}}, {{1100, 1500}, {-2800, 1500}}, {{-2800, 1500}, {2400, -3000}}};
-  const plain_bench::Mount mount{8, 3, -20};
   const fit::Bench bench =
-      fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 271, "front_step": 135,
-    "step_deg": 1, "scan_hz": 40, "mount": {"x_mm": {"value": 8, "u": 3}, "y_mm": {"value": 3, "u": 3},
-    "yaw_deg": {"value": -20, "u": 0.3}}}, "stage": {"resolution_deg": 0.01}, "targets": [
-    {"name": "east", "from_mm": [2400, -3000], "to_mm": [1100, 1500], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "north", "from_mm": [1100, 1500], "to_mm": [-2800, 1500], "u_mm": 1.5, "u_deg": 0.1},
-    {"name": "slant", "from_mm": [-2800, 1500], "to_mm": [2400, -3000], "u_mm": 1.5, "u_deg": 0.1}],
-    "known": [{"mechanism": "range-noise", "parameters": {"sigma_mm": {"value": 1.5, "u": 0.1}}}]})");
+      slanted_room::bench(R"({"value": 1.5, "u": 0.1})", R"("stage": {"resolution_deg": 0.01}, )");
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0, 1.5);
   std::uniform_real_distribution<double> of_stage(-0.005 * degree, 0.005 * degree);
@@ -38,7 +29,8 @@ Explanation explained(bool anew_at_every_capture, unsigned seed) {
         if (seq == 0 && (anew_at_every_capture || number % 4 == 0)) off = of_stage(random);
         for (std::size_t k = 0; k < range.size(); ++k) {
           const double beam = (static_cast<double>(k) - 135) * degree;
-          const auto met = plain_bench::look(room, mount, capture.stage_rad + off, beam, {});
+          const auto met =
+              plain_bench::look(slanted_room::walls, slanted_room::mount, capture.stage_rad + off, beam, {});
           range[k] = static_cast<std::uint16_t>(std::lround(met->range_mm + noise(random)));
         }
       });
