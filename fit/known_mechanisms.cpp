@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "fit/bench/empirical.hpp"
 #include "fit/bench/json_position.hpp"
-#include "fit/mechanism.hpp"
 
 namespace fit {
 namespace {
@@ -30,25 +30,27 @@ void demand_parameters(const KnownMechanism& known, const Mechanism& mechanism) 
   }
 }
 
-/// A mechanism of a target that is not there would act nowhere.
-void demand_target(const KnownMechanism& known, const Bench& bench) {
-  const auto named = known.texts.find("target");
-  if (named == known.texts.end()) return;
+/// What is of a target that is not there would act nowhere.
+void demand_target(const std::string& what, const std::string& target, const Bench& bench) {
   std::set<std::string> names;
-  for (const Target& target : bench.targets) names.insert(target.name);
-  if (names.contains(named->second)) return;
-  throw std::invalid_argument("the bench's " + known.mechanism + " is of the target \"" + named->second +
+  for (const Target& one : bench.targets) names.insert(one.name);
+  if (names.contains(target)) return;
+  throw std::invalid_argument("the bench's " + what + " is of the target \"" + target +
                               "\", which the bench does not have" +
-                              ending_with_guess(nearest_word(named->second, names)));
+                              ending_with_guess(nearest_word(target, names)));
 }
 
 }  // namespace
 
 void demand_catalogued(const Bench& bench) {
   for (const KnownMechanism& known : bench.known) {
-    demand_target(known, bench);
+    const auto target = known.texts.find("target");
+    if (target != known.texts.end()) demand_target(known.mechanism, target->second, bench);
     if (const Mechanism* mechanism = find_mechanism(known.mechanism)) {
       demand_parameters(known, *mechanism);
+      if (mechanism->one_target && target == known.texts.end())
+        throw std::invalid_argument("the bench's " + known.mechanism +
+                                    " is of one target: say of which by \"target\": \"its name\"");
       continue;
     }
     std::set<std::string> ids;
@@ -57,6 +59,44 @@ void demand_catalogued(const Bench& bench) {
                                 "\", which the catalogue does not have" +
                                 ending_with_guess(nearest_word(known.mechanism, ids)));
   }
+  for (const EmpiricalFunction& f : empirical_functions(bench))
+    if (!f.target.empty()) demand_target("\"empirical\" function", f.target, bench);
+}
+
+void add_known(Bench& bench, const Mechanism& mechanism, const std::map<std::string, Estimate>& parameters,
+               const std::string& target) {
+  const auto stated = std::ranges::find(bench.known, mechanism.id, &KnownMechanism::mechanism);
+  if (mechanism.corrects_a_statement && stated != bench.known.end()) {
+    stated->parameters.insert(parameters.begin(), parameters.end());
+    return;
+  }
+  KnownMechanism known{mechanism.id, parameters, {}};
+  if (!target.empty()) known.texts["target"] = target;
+  bench.known.push_back(std::move(known));
+}
+
+std::vector<Active> known_to_be_at_work(const Bench& bench) {
+  std::vector<Active> list;
+  for (const KnownMechanism& known : bench.known) {
+    const Mechanism* m = find_mechanism(known.mechanism);
+    if (!m) continue;
+    Active active{shared(*m), m->values(known.parameters)};
+    for (const Parameter& p : m->parameters) {
+      const auto found = known.parameters.find(p.name);
+      active.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
+    }
+    const auto name = known.texts.find("target");
+    const Target* target = name == known.texts.end() ? nullptr : bench.target(name->second);
+    if (target)
+      active.target = static_cast<int>(target - bench.targets.data());
+    else if (m->one_target || name != known.texts.end())
+      continue;
+    list.push_back(std::move(active));
+  }
+  for (const EmpiricalFunction& f : empirical_functions(bench))
+    if (moves_or_dims(f) && (f.target.empty() || bench.target(f.target)))
+      list.push_back({std::make_shared<const Mechanism>(as_mechanism(f, bench)), {}});
+  return list;
 }
 
 }  // namespace fit

@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -299,6 +300,10 @@ struct Mechanism {
 [[nodiscard]] const std::vector<Mechanism>& catalogue();
 /// The mechanism of that id, or nullptr.
 [[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
+/// One of the catalogue, which lives as long as the program, as those that do not.
+[[nodiscard]] inline std::shared_ptr<const Mechanism> shared(const Mechanism& of_catalogue) {
+  return {std::shared_ptr<const Mechanism>(), &of_catalogue};
+}
 
 /// "0.1210 ± 0.0042 deg": with its expanded uncertainty (k = 2), to the second digit of that
 /// (fit/numeric/number_format.hpp).

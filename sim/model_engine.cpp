@@ -22,29 +22,9 @@ namespace {
 /// Echoes of front and back merge to one where the gap is below about this (half of a 2 ns pulse's length).
 constexpr double usual_merging_mm = 150;
 
-/// A known mechanism, ready to act.
-struct Active {
-  const fit::Mechanism* mechanism;
-  std::vector<double> values;
-  int target = -1;  ///< The only one it acts on; -1: all.
-};
-
-std::vector<Active> active_mechanisms(const fit::Bench& bench) {
+std::vector<fit::Active> active_mechanisms(const fit::Bench& bench) {
   fit::demand_catalogued(bench);
-  std::vector<Active> active;
-  for (const fit::KnownMechanism& known : bench.known) {
-    const fit::Mechanism* mechanism = fit::find_mechanism(known.mechanism);
-    Active one{mechanism, mechanism->values(known.parameters), -1};
-    if (const auto text = known.texts.find("target"); text != known.texts.end()) {
-      const auto found = std::ranges::find(bench.targets, text->second, &fit::Target::name);
-      if (found == bench.targets.end())
-        throw std::invalid_argument("the bench's " + known.mechanism + " acts on a target \"" + text->second +
-                                    "\", which is not among its targets");
-      one.target = static_cast<int>(found - bench.targets.begin());
-    }
-    active.push_back(std::move(one));
-  }
-  return active;
+  return fit::known_to_be_at_work(bench);
 }
 
 class ModelEngine : public Engine {
@@ -56,7 +36,6 @@ class ModelEngine : public Engine {
         claim_(fit::claimed_intensity(bench_)),
         stands_(bench_.targets.size()),
         scene_(bench_, stands_),
-        unnamed_(fit::empirical_mechanisms(bench_)),
         active_(active_mechanisms(bench_)),
         merging_mm_(fit::described_merging(bench_).value_or(usual_merging_mm)),
         strays_(fit::described_strays(bench_)),
@@ -65,23 +44,22 @@ class ModelEngine : public Engine {
     for (double& state : memory_) state = random_.normal();
     for (fit::EmpiricalFunction& f : fit::empirical_functions(bench_))
       if (f.acts_on == "far_share") far_share_ = std::move(f);
-    for (const fit::Mechanism& one : unnamed_) active_.push_back({&one, {}, -1});
     if (described_) relative_noise_ = described_->relative_noise;
     if (claim_ && !claim_->stated[fit::IntensityLaw::gain]) claim_.reset();
     if (claim_) {
       relative_noise_ = claim_->relative_noise.value_or(relative_noise_);
     }
     // A law that is stated without corrections acts by its claim alone.
-    std::erase_if(active_, [](const Active& one) {
+    std::erase_if(active_, [](const fit::Active& one) {
       return one.mechanism->corrects_a_statement &&
              std::ranges::all_of(one.values, [](double value) { return value == 0; });
     });
-    const auto dims = [](const Active& one) {
+    const auto dims = [](const fit::Active& one) {
       return one.mechanism->observable == fit::Observable::intensity;
     };
     std::ranges::copy_if(active_, std::back_inserter(dimming_), dims);
     std::erase_if(active_, dims);
-    for (const Active& one : active_)
+    for (const fit::Active& one : active_)
       if (displaces(one)) put_elsewhere(one);
     std::erase_if(active_, displaces);
     scene_ = fit::Scene(bench_, stands_);
@@ -165,8 +143,8 @@ class ModelEngine : public Engine {
     }
   }
 
-  static bool displaces(const Active& one) { return one.target >= 0 && one.mechanism->displaces; }
-  void put_elsewhere(const Active& one) {
+  static bool displaces(const fit::Active& one) { return one.target >= 0 && one.mechanism->displaces; }
+  void put_elsewhere(const fit::Active& one) {
     const fit::Displacement by = one.mechanism->displaces(one.values);
     fit::Stands& stands = stands_[static_cast<std::size_t>(one.target)];
     stands.out_mm += by.offset_mm;
@@ -175,9 +153,10 @@ class ModelEngine : public Engine {
     stands.thicker_mm += by.thicker_mm;
   }
 
-  [[nodiscard]] static fit::Effect effect(const std::vector<Active>& active, const fit::Circumstances& c) {
+  [[nodiscard]] static fit::Effect effect(const std::vector<fit::Active>& active,
+                                          const fit::Circumstances& c) {
     fit::Effect sum;
-    for (const Active& one : active) {
+    for (const fit::Active& one : active) {
       if (one.target >= 0 && one.target != c.target) continue;
       sum += one.mechanism->act(c, one.values);
     }
@@ -298,8 +277,7 @@ class ModelEngine : public Engine {
   std::optional<fit::IntensityClaim> claim_;
   std::vector<fit::Stands> stands_, put_;  ///< At present, and where the bench file's corrections have them.
   fit::Scene scene_;
-  std::vector<fit::Mechanism> unnamed_;
-  std::vector<Active> active_, dimming_;
+  std::vector<fit::Active> active_, dimming_;
   double relative_noise_ = 0.01;
   std::optional<fit::EmpiricalFunction> far_share_;
   double merging_mm_ = usual_merging_mm;

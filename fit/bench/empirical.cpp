@@ -111,6 +111,16 @@ double EmpiricalFunction::value_at(double v) const {
   return linear_in(at, value, v);
 }
 
+bool EmpiricalFunction::covers(double v) const {
+  constexpr double widest_gap = 0.1;
+  if (at.empty() || !(v >= at.front() && v <= at.back())) return false;
+  const auto next = std::ranges::upper_bound(at, v);
+  return next == at.begin() || next == at.end() ||
+         *next - *(next - 1) <= widest_gap * (at.back() - at.front());
+}
+
+double EmpiricalFunction::place_of(const Circumstances& there) const { return named(coordinate)->of(there); }
+
 std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {
   std::vector<EmpiricalFunction> list;
   const json& document = bench.document.json();
@@ -120,11 +130,15 @@ std::vector<EmpiricalFunction> empirical_functions(const Bench& bench) {
   return list;
 }
 
-void add_empirical(Bench& bench, const EmpiricalFunction& f) {
-  if (f.at.empty()) return;
+json as_entry(const EmpiricalFunction& f) {
   json entry{{"coordinate", f.coordinate}, {"at", f.at}, {f.acts_on, f.value}};
   if (!f.target.empty()) entry["target"] = f.target;
-  bench.document.change([&](json& document) { document["empirical"].push_back(entry); });
+  return entry;
+}
+
+void add_empirical(Bench& bench, const EmpiricalFunction& f) {
+  if (f.at.empty()) return;
+  bench.document.change([&](json& document) { document["empirical"].push_back(as_entry(f)); });
 }
 
 void keep_targets(Bench& bench, std::size_t count) {
@@ -138,8 +152,8 @@ void keep_targets(Bench& bench, std::size_t count) {
   });
   if (!bench.document.json().contains("empirical")) return;
   json kept = json::array();
-  for (const json& entry : bench.document.json()["empirical"])
-    if (!is_elsewhere(function_of(entry).target)) kept.push_back(entry);
+  for (const EmpiricalFunction& f : empirical_functions(bench))
+    if (!is_elsewhere(f.target)) kept.push_back(as_entry(f));
   bench.document.change([&](json& document) { document["empirical"] = kept; });
 }
 
@@ -168,12 +182,7 @@ Mechanism as_mechanism(const EmpiricalFunction& f, const Bench& bench) {
   return m;
 }
 
-std::vector<Mechanism> empirical_mechanisms(const Bench& bench) {
-  std::vector<Mechanism> list;
-  for (const EmpiricalFunction& f : empirical_functions(bench))
-    if (f.acts_on != "far_share") list.push_back(as_mechanism(f, bench));
-  return list;
-}
+bool moves_or_dims(const EmpiricalFunction& f) { return f.acts_on != "far_share"; }
 
 namespace {
 

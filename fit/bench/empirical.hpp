@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,19 +27,25 @@ struct EmpiricalFunction {
   std::vector<double> at, value;
 
   [[nodiscard]] double value_at(double coordinate_value) const;
+  /// Whether it was measured about there: not beyond its places, nor in a gap of more than a tenth of them.
+  [[nodiscard]] bool covers(double coordinate_value) const;
+  /// Its coordinate there, file unit; not finite where it has none.
+  [[nodiscard]] double place_of(const Circumstances& at) const;
 };
 
 /// Those that a bench file holds. Throws std::invalid_argument when an entry is not what it should be.
 [[nodiscard]] std::vector<EmpiricalFunction> empirical_functions(const Bench& bench);
-/// Adds one to the bench's document.
+/// One as an entry of the list.
+[[nodiscard]] nlohmann::json as_entry(const EmpiricalFunction& function);
+/// Adds one to the bench's document, if it has a place.
 void add_empirical(Bench& bench, const EmpiricalFunction& function);
 /// Drops all targets but the first `count`, and what acts on those dropped.
 void keep_targets(Bench& bench, std::size_t count);
 
+/// Whether it acts beside mechanisms: it is no `far_share`.
+[[nodiscard]] bool moves_or_dims(const EmpiricalFunction& function);
 /// The same as a mechanism without parameters, to act beside those of the catalogue.
 [[nodiscard]] Mechanism as_mechanism(const EmpiricalFunction& function, const Bench& bench);
-/// All of a bench file's that move or dim echoes.
-[[nodiscard]] std::vector<Mechanism> empirical_mechanisms(const Bench& bench);
 
 /// Depth of an edge below which front and back make one echo in between, mm: `merging_mm` in the section
 /// `sim`.

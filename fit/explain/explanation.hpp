@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/model/results.hpp"
 #include "fit/explain/prediction.hpp"
 
@@ -56,10 +57,11 @@ struct Explanation {
   long samples = 0;
   std::size_t cells = 0;
   int left_out = 0;
-  Predictor predictor;  ///< To predict recordings that took no part.
+  std::vector<EmpiricalFunction> correction;  ///< Functions without a name that carry over to others.
+  Predictor predictor;                        ///< To predict recordings that took no part.
   std::vector<Prediction> predictions;
   bool several_places = false;  ///< Targets were put up in several places, each a target of its own.
-  std::vector<Term> suspects;   ///< Members of undecided sets, with their values: for the next experiment.
+  std::vector<Active> suspects;  ///< Members of undecided sets, with their values: for the next experiment.
   std::vector<SeenShape> unnamed_suspects;  ///< Forms that explain nearly as much as one of these.
   std::vector<Suspect> noise_suspects;      ///< The same for noise, lost echoes and intensity.
 

@@ -4,52 +4,43 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
+#include <memory>
+#include <span>
 #include <stdexcept>
 
-#include "fit/explain/inference/runs.hpp"
-#include "fit/explain/model/term.hpp"
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/reduction/together.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
-#include "fit/numeric/linear_table.hpp"
 
 namespace fit::explain {
 namespace {
 
-constexpr int places_of_table = 60;
-constexpr double widest_gap = 0.1;  // of the span: nothing is known in between
-
-/// What tables do to the mean of a cell, mm. They were found together, and may make up for each other: they
-/// act where all of them were seen.
-double empirical_mm(const std::vector<EmpiricalCorrection>& list, const Reduced& reduced, const Cell& cell) {
-  double sum = 0;
-  for (const EmpiricalCorrection& c : list) {
-    const bool along_it = !c.target.empty();
-    if (along_it && c.target != reduced.bench.target_at(cell.at.target).name) continue;
-    const double v = along_it ? cell.at.along_mm : model::coordinate_of(c.coordinate, cell.at);
-    const std::optional<double> value = std::isfinite(v) ? c.value_at(v) : std::nullopt;
-    if (!value) return 0;
-    sum += *value * lever_of(c.channel, cell.sight);
+/// Functions without a name as one: they were found together and may make up for each other, and act where
+/// all of them were seen.
+Active as_one(const std::vector<EmpiricalFunction>& functions, const Bench& bench) {
+  struct Part {
+    EmpiricalFunction function;
+    int target;
+    Mechanism acts;
+  };
+  std::vector<Part> parts;
+  for (const EmpiricalFunction& f : functions) {
+    const Target* target = bench.target(f.target);
+    if (!f.target.empty() && !target) continue;
+    parts.push_back(
+        {f, target ? static_cast<int>(target - bench.targets.data()) : -1, as_mechanism(f, bench)});
   }
-  return sum;
-}
-
-void add_empirical_mm(const std::vector<EmpiricalCorrection>& list, Reduced& reduced) {
-  for (Cell& cell : reduced.cells) cell.nominal_mm += empirical_mm(list, reduced, cell);
-}
-
-/// Variance of one sample of that cell, mm^2.
-double sample_variance(const std::vector<Suspect>& noise, double constant_mm2, const Cell& cell) {
-  double sum = constant_mm2;
-  for (const Suspect& suspect : noise) {
-    const Effect effect = suspect.mechanism->act(cell.at, suspect.mechanism->values(suspect.parameters));
-    const double more =
-        effect.variance_mm2 + std::pow(cell.sight.beam_lever(), 2) *
-                                  (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
-    if (std::isfinite(more)) sum += more;  // else the recording does not say what it depends on
-    if (effect.output_step_mm > 1) sum += effect.output_step_mm * effect.output_step_mm / 12;
-  }
-  return sum;
+  auto all = std::make_shared<Mechanism>();
+  all->act = [parts](const Circumstances& at, std::span<const double>) {
+    Effect sum;
+    for (const Part& part : parts) {
+      if (part.target >= 0 && part.target != at.target) continue;
+      if (!part.function.covers(part.function.place_of(at))) return Effect{};
+      sum += part.acts.act(at, {});
+    }
+    return sum;
+  };
+  return {all, {}};
 }
 
 /// Squares of a cell's samples about what was predicted, and the variance that is known of each.
@@ -59,14 +50,15 @@ struct Part {
 using Parts = std::vector<Part>;
 
 /// Of the cells that can be predicted, by capture.
-std::map<int, Parts> parts_of(const Reduced& reduced, const std::vector<Suspect>& noise) {
+std::map<int, Parts> parts_of(const Reduced& reduced) {
+  const std::vector<Active> known = known_effects(reduced.bench);
   std::map<int, Parts> of_capture;
   for (const Cell& cell : reduced.cells) {
     if (!cell.smooth || cell.n < 1) continue;
     const double off = cell.mean_mm - cell.nominal_mm;
     of_capture[reduced.group_of(cell).capture].push_back(
         {static_cast<double>(cell.n), cell.variance_mm2 * (cell.n - 1) / cell.n + off * off,
-         sample_variance(noise, 0, cell)});
+         variance_of_sample(known, cell)});
   }
   return of_capture;
 }
@@ -104,8 +96,8 @@ double information_on(const Parts& parts, double log_constant) {
 
 /// The captures' constant noise as a random effect. Its variance is DerSimonian and Laird's (1986): what the
 /// captures' logarithms scatter by beyond their uncertainties.
-ConstantNoise constant_noise_of(const Reduced& reduced, const std::vector<Suspect>& noise) {
-  const std::map<int, Parts> of_capture = parts_of(reduced, noise);
+ConstantNoise constant_noise_of(const Reduced& reduced) {
+  const std::map<int, Parts> of_capture = parts_of(reduced);
   if (of_capture.empty()) {
     const double stated_mm = stated_noise(reduced.bench).value;
     return {stated_mm > 0 ? stated_mm : unstated_noise_mm};
@@ -155,41 +147,28 @@ struct OfCapture {
   }
 };
 
-/// Predicts all cells with given mechanisms and places mount and targets so that they fit best.
-void place_and_predict(Reduced& reduced, const Predictor& what, bool found) {
-  Hypothesis h(reduced.bench);
-  std::vector<Active> at_work = all_at_work(reduced.bench, h);
-  if (found)
-    for (const auto& [term, target] : what.terms) {
-      Active active = term.active();
-      if (!target.empty()) {
-        const Target* same = reduced.bench.target(target);
-        if (!same) continue;
-        active.target = static_cast<int>(same - reduced.bench.targets.data());
-      }
-      at_work.push_back(active);
-    }
-  const auto at_present = [&] {
-    predict(reduced, h.nuisance, at_work, false);
-    if (found) add_empirical_mm(what.empirical, reduced);
-  };
+/// Predicts all cells by what the bench knows and such functions, with mount and targets where they fit best.
+void place_and_predict(Reduced& reduced, const std::vector<EmpiricalFunction>& functions,
+                       const ConstantNoise& constant) {
+  const std::vector<Active> known = known_effects(reduced.bench);
+  std::vector<Active> at_work = known_terms(reduced.bench);
+  at_work.push_back(as_one(functions, reduced.bench));
+  Nuisance there(reduced.bench);
   for (int pass = 0; pass < 4; ++pass) {
-    at_present();
+    predict(reduced, there, at_work, false);
     for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = found ? sample_variance(what.noise, std::pow(what.constant_after.mm, 2), cell)
-                              : std::pow(what.constant_before.mm, 2);
+      cell.pooled_mm2 = constant.mm * constant.mm + variance_of_sample(known, cell);
     MeanModel model(reduced, {});
-    const Columns places = nuisance_columns(model, h.nuisance);
+    const Columns places = nuisance_columns(model, there);
     model.set_base(places.columns, places.prior);
-    h.nuisance.set(h.nuisance.as_vector() + model.posterior_mean());
+    there.set(there.as_vector() + model.posterior_mean());
   }
-  at_present();
+  predict(reduced, there, at_work, false);
 }
 
-std::map<int, OfCapture> noise_of_captures(const Reduced& reduced, const ConstantNoise& constant,
-                                           const std::vector<Suspect>& noise) {
+std::map<int, OfCapture> noise_of_captures(const Reduced& reduced, const ConstantNoise& constant) {
   std::map<int, OfCapture> list;
-  for (const auto& [capture, parts] : parts_of(reduced, noise)) list[capture] = OfCapture(constant, parts);
+  for (const auto& [capture, parts] : parts_of(reduced)) list[capture] = OfCapture(constant, parts);
   return list;
 }
 
@@ -216,71 +195,43 @@ struct Score {
   }
 };
 
-/// An unnamed function as it came out, along that target if it is one's.
-EmpiricalCorrection tabulated(const Shape& shape, const MeanModel& model, int target) {
-  EmpiricalCorrection table;
-  table.coordinate = shape.coordinate;
-  table.channel = shape.channel;
-  if (target >= 0) table.target = model.bench().target_at(target).name;
-  std::vector<WeighedValue> list;
-  const Eigen::VectorXd effect_mm = effect_of(model, shape);
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const double v = coordinate_at(model, shape.coordinate, i, target),
-                 lever = lever_of(shape.channel, model.cell(i).sight);
-    if (std::isfinite(v) && std::abs(lever) > 1e-3) list.push_back({v, effect_mm[i] / lever, lever * lever});
-  }
-  if (list.empty()) return table;
-  const auto [first, last] = std::ranges::minmax(list, {}, &WeighedValue::at);
-  const std::size_t each = list.size() / places_of_table;
-  RunMeans means = means_over_runs(std::move(list), each);
-  table.at = std::move(means.at);
-  table.value = std::move(means.value);
-  if (table.at.size() > 1) {  // the outermost runs hold to the ends of what was recorded
-    table.at.front() = first.at;
-    table.at.back() = last.at;
-  }
-  return table;
-}
-
 }  // namespace
 
-std::optional<double> EmpiricalCorrection::value_at(double v) const {
-  if (at.empty() || v < at.front() || v > at.back()) return {};
-  const auto next = std::ranges::upper_bound(at, v);
-  if (next == at.end()) return value.back();
-  const auto i = static_cast<std::size_t>(next - at.begin());
-  if (at[i] - at[i - 1] > widest_gap * (at.back() - at.front())) return {};
-  return linear_in(at, value, v);
-}
-
 Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vector<Suspect>& accepted,
-                       const std::vector<Suspect>& undecided) {
+                       const std::vector<Suspect>& undecided,
+                       const std::vector<EmpiricalFunction>& functions) {
+  constexpr int passes = 2;
+  const auto name_of = [&](int target) {
+    return target < 0 ? std::string() : reduced.bench.target_at(target).name;
+  };
   Predictor p;
-  for (const Term& term : means.best.terms)
-    p.terms.push_back({term, term.target < 0 ? std::string() : reduced.bench.target_at(term.target).name});
+  p.bench = reduced.bench;
+  p.functions = functions;
+  for (const Active& term : means.best.terms) {
+    std::map<std::string, Estimate> parameters;
+    for (std::size_t k = 0; k < term.values.size(); ++k)
+      parameters[term.mechanism->parameters[k].name] = {term.values[k], term.sigma[k]};
+    add_known(p.bench, *term.mechanism, parameters, name_of(term.target));
+  }
   for (const auto* list : {&accepted, &undecided})
     for (const Suspect& suspect : *list)
-      if (!is_constant_noise(*suspect.mechanism)) p.noise.push_back(suspect);
-  Hypothesis nothing(reduced.bench), found = means.best;
+      if (!is_constant_noise(*suspect.mechanism))
+        add_known(p.bench, *suspect.mechanism, suspect.parameters, name_of(suspect.target));
+  Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
-  fit_nuisances(reduced, means.noise, 2, nothing);
-  p.constant_before = constant_noise_of(reduced, {});
-  if (!means.shapes_carry_over) {
-    found.shapes.clear();
-    fit_nuisances(reduced, means.noise, 2, found);
+  fit_nuisances(reduced, means.noise, passes, nothing);
+  p.constant_before = constant_noise_of(reduced);
+  reduced.bench = p.bench;
+  Hypothesis found(reduced.bench);
+  found.nuisance = means.best.nuisance;
+  if (functions.empty()) {
+    fit_nuisances(reduced, means.noise, passes, found);
   } else {
-    predict_at(reduced, found);
+    std::vector<Active> at_work = known_terms(reduced.bench);
+    at_work.push_back(as_one(functions, reduced.bench));
+    predict(reduced, found.nuisance, at_work, false);
   }
-  const MeanModel model(reduced, means.noise);
-  for (const Shape& shape : found.shapes) {
-    if (shape.form->happened_then) continue;
-    for (const int target : along_targets(shape, model.bench()))
-      if (EmpiricalCorrection table = tabulated(shape, model, target); !table.at.empty())
-        p.empirical.push_back(std::move(table));
-  }
-  add_empirical_mm(p.empirical, reduced);
-  p.constant_after = constant_noise_of(reduced, p.noise);
-  predict_at(reduced, means.best);
+  p.constant_after = constant_noise_of(reduced);
   return p;
 }
 
@@ -291,19 +242,22 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     throw std::invalid_argument(
         "no beam of the recording to be predicted meets a target of its bench. Check the targets' places");
   Reduced after = before;
-  place_and_predict(before, predictor, false);
-  place_and_predict(after, predictor, true);
+  after.bench.known = predictor.bench.known;
+  place_and_predict(before, {}, predictor.constant_before);
+  place_and_predict(after, predictor.functions, predictor.constant_after);
+  const std::vector<Active> known_before = known_effects(before.bench),
+                            known_after = known_effects(after.bench);
   Prediction out;
-  const auto noise_before = noise_of_captures(before, predictor.constant_before, {}),
-             noise_after = noise_of_captures(after, predictor.constant_after, predictor.noise);
+  const auto noise_before = noise_of_captures(before, predictor.constant_before),
+             noise_after = noise_of_captures(after, predictor.constant_after);
   Score first, last;
   double gains = 0, gains2 = 0;
   for (std::size_t i = 0; i < before.cells.size(); ++i) {
     const Cell &a = before.cells[i], &b = after.cells[i];
     if (!a.smooth || !b.smooth || a.n < 1) continue;
     const int capture = before.group_of(a).capture;
-    const double v_before = noise_before.at(capture).variance_mm2,
-                 v_after = sample_variance(predictor.noise, noise_after.at(capture).variance_mm2, b);
+    const double v_before = noise_before.at(capture).variance_mm2 + variance_of_sample(known_before, a),
+                 v_after = noise_after.at(capture).variance_mm2 + variance_of_sample(known_after, b);
     const double gain = last.add(after, b, v_after) - first.add(before, a, v_before);
     gains += gain;
     gains2 += gain * gain;

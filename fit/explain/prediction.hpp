@@ -1,24 +1,13 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "fit/bench/empirical.hpp"
 #include "fit/explain/model/results.hpp"
 
 namespace fit::explain {
-
-/// An unnamed function as a table: what it does to the range or to an angle along its coordinate (file unit),
-/// or along the target of that name (mm). Outside of what was seen, and in its gaps, nothing is known.
-struct EmpiricalCorrection {
-  Coordinate coordinate = Coordinate::beam;
-  Channel channel = Channel::range;
-  std::string target;
-  std::vector<double> at, value;  ///< mm or rad.
-
-  [[nodiscard]] std::optional<double> value_at(double coordinate_value) const;
-};
 
 /// Constant noise of a sample. Every capture draws its variance log-normally about this one, as those that
 /// were seen differ by more than their samples explain: a random effect of captures.
@@ -29,13 +18,8 @@ struct ConstantNoise {
 
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {
-  struct Taught {
-    Term term;
-    std::string target;  ///< Of a term that belongs to one target: acts on that of the same name.
-  };
-  std::vector<Taught> terms;  ///< The best of every set.
-  std::vector<EmpiricalCorrection> empirical;
-  std::vector<Suspect> noise;     ///< Accepted noise mechanisms; the best of an undecided set.
+  Bench bench;  ///< Knows the mechanisms, those of one target by its name; of sets, the best.
+  std::vector<EmpiricalFunction> functions;  ///< Without a name.
   ConstantNoise constant_before;  ///< With geometry alone ...
   ConstantNoise constant_after;   ///< ... and beside what was found.
 };
@@ -66,10 +50,11 @@ struct Prediction {
   std::vector<PredictedCell> shown;
 };
 
-/// `accepted`, `undecided`: beside the means.
+/// `accepted`, `undecided`: beside the means. `reduced` is left predicted so.
 [[nodiscard]] Predictor predictor_of(Reduced& reduced, const MeanResult& means,
                                      const std::vector<Suspect>& accepted,
-                                     const std::vector<Suspect>& undecided);
+                                     const std::vector<Suspect>& undecided,
+                                     const std::vector<EmpiricalFunction>& functions);
 [[nodiscard]] Prediction predict_recording(const Predictor& predictor, const Recording& recording);
 
 }  // namespace fit::explain

@@ -53,17 +53,6 @@ json prediction_json(const Prediction& p) {
           {"cells", cells}};
 }
 
-json correction_json(const EmpiricalCorrection& c) {
-  const ChannelInWords& channel = in_words_of(c.channel);
-  std::vector<double> value = c.value;
-  for (double& v : value) v *= channel.in_unit;
-  json out = {{"coordinate", c.target.empty() ? name_of(c.coordinate) : "along_mm"},
-              {"at", c.at},
-              {channel.key, value}};
-  if (!c.target.empty()) out["target"] = c.target;
-  return out;
-}
-
 }  // namespace
 
 json to_json(const Explanation& e) {
@@ -121,8 +110,7 @@ json to_json(const Explanation& e) {
                       {"from", number(e.unknown->from)},
                       {"to", number(e.unknown->to)}};
   if (e.unknown_is_bench_error) out["unknown"]["bench_error"] = true;
-  for (const EmpiricalCorrection& c : e.predictor.empirical)
-    out["empirical_correction"].push_back(correction_json(c));
+  for (const EmpiricalFunction& f : e.correction) out["empirical_correction"].push_back(as_entry(f));
   for (const Prediction& p : e.predictions) out["prediction"].push_back(prediction_json(p));
   return out;
 }

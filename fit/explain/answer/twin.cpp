@@ -5,7 +5,6 @@
 #include <cmath>
 #include <optional>
 
-#include "fit/bench/empirical.hpp"
 #include "fit/bench/radiometer.hpp"
 #include "fit/explain/inference/runs.hpp"
 
@@ -49,7 +48,7 @@ Along along(const MeanModel& model, const std::string& name, double (*of)(const 
 }
 
 /// Where and by which way a mechanism works; empty where no single coordinate tells it.
-std::optional<Along> along(const MeanModel& model, const Term& term) {
+std::optional<Along> along(const MeanModel& model, const Active& term) {
   if (term.target >= 0) return along(model, "along_mm", place_of, term.target);
   switch (term.mechanism->coordinate) {
     case Coordinate::target:
@@ -182,7 +181,7 @@ void describe_strays(const Reduced& reduced, Bench& bench) {
 
 }  // namespace
 
-void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) {
+std::vector<EmpiricalFunction> complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) {
   predict_at(reduced, means.best);
   const Reduced rows = merged(reduced, rows_for_tables);
   MeanModel model(rows, means.noise);
@@ -190,14 +189,14 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   hold_what_is_stated(base);
   model.set_base(base.all.columns, base.all.prior);
   const VectorXd x = model.posterior_mean();
-  const auto named = [&](const Term& term) {
+  const auto named = [&](const Active& term) {
     return std::ranges::any_of(out.mechanisms, [&](const Found& f) {
-      return f.mechanism == term.mechanism &&
+      return f.mechanism == term.mechanism.get() &&
              (term.target < 0 || f.target == reduced.bench.target_at(term.target).name);
     });
   };
   for (std::size_t t = 0; t < means.best.terms.size(); ++t) {
-    const Term& term = means.best.terms[t];
+    const Active& term = means.best.terms[t];
     // How this device's cause bends away from the formula: what the fit allowed for.
     const VectorXd bent = bend_of(base, x, t);
     if (!named(term))
@@ -205,15 +204,16 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
     else if (const auto a = along(model, term))
       add_empirical(out.bench, table_of(model, bent, *a));
   }
+  std::vector<EmpiricalFunction> functions;
   for (std::size_t s = 0; s < means.best.shapes.size(); ++s) {
     const Eigen::Index from = base.shape_first[s], count = base.shape_first[s + 1] - from;
     const VectorXd effect = base.all.columns.middleCols(from, count) * x.segment(from, count);
     const Shape& shape = means.best.shapes[s];
     if (shape.form->happened_then) continue;
     for (const int target : along_targets(shape, out.bench))
-      add_empirical(out.bench, table_of(model, effect,
-                                        target < 0 ? along(model, shape.coordinate, shape.channel)
-                                                   : along(model, "along_mm", place_of, target)));
+      functions.push_back(table_of(model, effect,
+                                   target < 0 ? along(model, shape.coordinate, shape.channel)
+                                              : along(model, "along_mm", place_of, target)));
   }
   const bool mixed =
       std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == wide_beam; });
@@ -222,6 +222,8 @@ void complete_twin(Reduced& reduced, const MeanResult& means, Explanation& out) 
   describe_strays(reduced, out.bench);
   if (reduced.has_intensity && !out.bench.knows(law_of_intensity) && !described_intensity(out.bench))
     describe_echoes(reduced, out.bench);
+  std::erase_if(functions, [](const EmpiricalFunction& f) { return f.at.empty(); });
+  return functions;
 }
 
 }  // namespace fit::explain

@@ -191,7 +191,7 @@ void locate(const MeanModel& before, const Reduced& reduced, const Inferred& inf
     std::ranges::copy(list, std::back_inserter(out));
   };
   std::set<Coordinate> taken;
-  for (const Term& term : best.terms)
+  for (const Active& term : best.terms)
     if (taken.insert(term.mechanism->coordinate).second)
       add(locate_effect(before, effect_of(before, term), term.mechanism->coordinate));
   for (const Shape& shape : best.shapes)
@@ -213,7 +213,7 @@ void locate(const MeanModel& before, const Reduced& reduced, const Inferred& inf
 /// A curve for every coordinate of what was found, and for beam, range and time.
 std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const Hypothesis& best) {
   std::vector<Coordinate> wanted;
-  for (const Term& term : best.terms) wanted.push_back(term.mechanism->coordinate);
+  for (const Active& term : best.terms) wanted.push_back(term.mechanism->coordinate);
   for (const Shape& shape : best.shapes) wanted.push_back(shape.coordinate);
   for (const Coordinate c : {Coordinate::beam, Coordinate::range, Coordinate::time}) wanted.push_back(c);
   std::set<Coordinate> drawn;

@@ -61,11 +61,11 @@ struct Known {
   std::vector<Doubtful> doubtful;
 
   explicit Known(const Bench& bench) {
-    for (const Term& known : all_known(bench)) {
+    for (const Active& known : known_to_be_at_work(bench)) {
       for (std::size_t p = 0; p < known.sigma.size(); ++p)
         if (known.sigma[p] > 0 && !known.mechanism->displaces)
           doubtful.push_back({at_work.size(), p, known.sigma[p]});
-      at_work.push_back(known.active());
+      at_work.push_back(known);
     }
   }
 
@@ -84,15 +84,6 @@ struct Known {
       if (std::isfinite(change)) out[i] = change;
     }
     return out;
-  }
-
-  /// Of one sample, mm^2. `unstated_mm`: noise beside what the bench file states.
-  [[nodiscard]] double variance(const Cell& cell, double unstated_mm) const {
-    const Effect e = effect_of(at_work, cell.at);
-    double sum = e.variance_mm2 + unstated_mm * unstated_mm;
-    sum += std::pow(cell.sight.beam_lever(), 2) * (e.scan_angle_variance_rad2 + e.beam_angle_variance_rad2);
-    const double step = std::max(1.0, e.output_step_mm);
-    return sum + step * step / 12;
   }
 };
 
@@ -161,7 +152,8 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
     throw std::invalid_argument(
         "no beam of the planned captures meets a target squarely enough to foretell it");
   const double unstated_mm = stated_noise(twin).value > 0 ? 0 : unstated_noise_mm;
-  for (Cell& cell : reduced.cells) cell.pooled_mm2 = known.variance(cell, unstated_mm);
+  for (Cell& cell : reduced.cells)
+    cell.pooled_mm2 = variance_of_sample(known.at_work, cell) + unstated_mm * unstated_mm + rounding_mm2;
   const MeanModel model(reduced, {});
   const Eigen::MatrixXd columns = columns_of_doubt(model, known, u);
   Forecast out;

@@ -90,7 +90,7 @@ bool drifts(const Mechanism& mechanism) {
 /// lidar was switched on would be compared at the wrong time.
 void hold_steady(Experiment& e, const Explanation& explanation) {
   if (e.kind == Experiment::Kind::cold_start) return;
-  e.steady = std::ranges::any_of(explanation.suspects, [](const Term& t) { return drifts(*t.mechanism); });
+  e.steady = std::ranges::any_of(explanation.suspects, [](const Active& t) { return drifts(*t.mechanism); });
   if (!e.steady) return;
   for (CaptureInfo& c : e.captures)
     if (!c.temperature_c) c.temperature_c = steady_c;
@@ -101,7 +101,7 @@ void hold_steady(Experiment& e, const Explanation& explanation) {
 bool worth_imagining(const Experiment& e, const Explanation& explanation) {
   if (e.kind == Experiment::Kind::dark) return !explanation.noise_suspects.empty();
   return e.kind != Experiment::Kind::turning ||
-         std::ranges::any_of(explanation.suspects, [](const Term& term) {
+         std::ranges::any_of(explanation.suspects, [](const Active& term) {
            return term.mechanism->coordinate == Coordinate::stage_rate ||
                   term.mechanism->coordinate == Coordinate::range_rate;
          });
@@ -136,7 +136,7 @@ struct Suspected {
   std::function<Columns(const MeanModel&)> columns;
 };
 
-Suspected suspected(const Term& term) {
+Suspected suspected(const Active& term) {
   return {term.mechanism->id, [&term](const MeanModel& model) { return effect_of(model, term); },
           [&term](const MeanModel& model) {
             TermColumns c = columns_of(model, term);
@@ -160,12 +160,14 @@ Suspected suspected(const SeenShape& seen) {
 
 /// Every suspect once, whatever the number of sets it is in.
 std::vector<Suspected> suspects_of(const Explanation& explanation) {
-  std::vector<const Term*> terms;
-  for (const Term& term : explanation.suspects)
-    if (std::ranges::none_of(terms, [&](const Term* other) { return other->same(term); }))
+  std::vector<const Active*> terms;
+  for (const Active& term : explanation.suspects)
+    if (std::ranges::none_of(terms, [&](const Active* other) {
+          return other->mechanism == term.mechanism && other->target == term.target;
+        }))
       terms.push_back(&term);
   std::vector<Suspected> list;
-  for (const Term* term : terms) list.push_back(suspected(*term));
+  for (const Active* term : terms) list.push_back(suspected(*term));
   for (const SeenShape& shape : explanation.unnamed_suspects) list.push_back(suspected(shape));
   return list;
 }

@@ -18,8 +18,8 @@ namespace {
 using Eigen::Index;
 
 /// As the rooms that draw, predict and plan know it.
-explain::Term as_term(const Term& term) {
-  return {term.kind->mechanism.get(), term.kind->target, term.values, term.sigma};
+Active as_active(const Term& term) {
+  return {term.kind->mechanism, term.values, term.kind->target, term.sigma};
 }
 
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
@@ -168,7 +168,7 @@ void take_means(const Session& session, const Hypothesis& best, MeanResult& mean
       means.best.shapes.push_back(as_shape(term));
       continue;
     }
-    means.best.terms.push_back(as_term(term));
+    means.best.terms.push_back(as_active(term));
   }
 }
 
@@ -194,7 +194,7 @@ Placed place(Reduced& reduced, const MeanNoise& noise, const Progress& progress)
   if (placed.fits_most) return placed;
   MeanNoise wider = noise;
   wider.factor *= placed.excess;
-  std::vector<explain::Term> moved;
+  std::vector<Active> moved;
   double most = -1e300;
   for (const Nuisance& there : {placed.by_all, placed.there}) {
     Session session(reduced, wider, there);
@@ -203,7 +203,7 @@ Placed place(Reduced& reduced, const MeanNoise& noise, const Progress& progress)
     most = best.log_posterior();
     moved.clear();
     for (const Term& term : best.terms)
-      if (term.kind->moves_means() && !term.kind->is_form()) moved.push_back(as_term(term));
+      if (term.kind->moves_means() && !term.kind->is_form()) moved.push_back(as_active(term));
   }
   return moved.empty() ? placed : fit_placements(reduced, noise, moved);
 }
@@ -247,7 +247,7 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   restate(session, nothing, explored.best, out);
   for (const Term& term : explored.best.hypothesis.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
-      out.of_scans.push_back({term.kind->mechanism.get(), term.values, -1});
+      out.of_scans.push_back({term.kind->mechanism, term.values});
   out.sigma_mm = constant_noise_of(session, explored.best.hypothesis);
   out.means.noise_floor_mm = noise_floor(reduced, out.means.noise);
   list_beside_means(out);

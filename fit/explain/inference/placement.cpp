@@ -23,7 +23,7 @@ double excess_of(const Reduced& reduced, const MeanNoise& noise, const explain::
 /// Mount and targets where the means have them.
 class Places {
  public:
-  Places(Reduced& reduced, const MeanNoise& noise, std::vector<explain::Term> at_work = {})
+  Places(Reduced& reduced, const MeanNoise& noise, std::vector<Active> at_work = {})
       : reduced_(reduced), noise_(noise), at_(reduced.bench) {
     at_.terms = std::move(at_work);
   }
@@ -102,7 +102,7 @@ class Places {
 
 }  // namespace
 
-Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vector<explain::Term>& at_work) {
+Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vector<Active>& at_work) {
   constexpr int most_passes = 4;
   pool_variances(reduced, noise);
   explain::Hypothesis stated(reduced.bench);

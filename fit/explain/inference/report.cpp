@@ -99,13 +99,7 @@ void report_named(const Named& named, double gain, const Reduced& reduced, Expla
   else
     add_size(found, *other_size);
   if (is_constant_noise(*found.mechanism)) return;  // stated there already, with more of it
-  KnownMechanism known{found.mechanism->id, found.parameters, {}};
-  if (!found.target.empty()) known.texts["target"] = found.target;
-  const auto stated = std::ranges::find(out.bench.known, known.mechanism, &KnownMechanism::mechanism);
-  if (found.mechanism->corrects_a_statement && stated != out.bench.known.end())
-    stated->parameters.insert(known.parameters.begin(), known.parameters.end());
-  else
-    out.bench.known.push_back(known);
+  add_known(out.bench, *found.mechanism, found.parameters, found.target);
 }
 
 std::string name_of(const Undecided::Member& member) {
@@ -137,7 +131,7 @@ void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& n
       continue;  // no experiment repeats it
     } else if (member.kind->moves_means()) {
       out.suspects.push_back(
-          {member.kind->mechanism.get(), member.kind->target, member.term.values, member.term.sigma});
+          {member.kind->mechanism, member.term.values, member.kind->target, member.term.sigma});
     } else if (names > 1) {  // else there is nobody to tell it from
       out.noise_suspects.push_back(as_suspect(member.term));
     }

@@ -193,8 +193,7 @@ std::vector<Active> Session::means_at_work(const Hypothesis& h) const {
   for (const Active& known : known_)
     if (moves_means(*known.mechanism)) at_work.push_back(known);
   for (const Term& term : h.terms)
-    if (term.kind->moves_means())
-      at_work.push_back({term.kind->mechanism.get(), term.values, term.kind->target});
+    if (term.kind->moves_means()) at_work.push_back({term.kind->mechanism, term.values, term.kind->target});
   return at_work;
 }
 
@@ -206,7 +205,7 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
     if (known.mechanism->coordinate == Coordinate::scan_seq) from_scan_to_scan.push_back(known);
   for (const Term& term : at.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
-      from_scan_to_scan.push_back({term.kind->mechanism.get(), term.values, -1});
+      from_scan_to_scan.push_back({term.kind->mechanism, term.values});
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);

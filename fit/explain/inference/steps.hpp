@@ -21,7 +21,7 @@ struct Placed {
 /// knows them. The cells' variances are left pooled. `at_work`: what moved one of them meanwhile, if
 /// anything.
 [[nodiscard]] Placed fit_placements(Reduced& reduced, const MeanNoise& noise,
-                                    const std::vector<explain::Term>& at_work = {});
+                                    const std::vector<Active>& at_work = {});
 
 /// What is named makes a set with the catalogue's other names for it (Mechanism::looks_like), and with
 /// functions of a coordinate that goes with its own in this session, where they fit the recording as well:

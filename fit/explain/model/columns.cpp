@@ -29,7 +29,7 @@ class Means final : public model::Rows {
 };
 
 /// In which of the ways that move means it acts here.
-std::vector<double Effect::*> ways_of(const MeanModel& model, const Term& term) {
+std::vector<double Effect::*> ways_of(const MeanModel& model, const Active& term) {
   constexpr std::array all{&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad};
   std::vector<double Effect::*> list;
   Effect most;
@@ -71,7 +71,7 @@ double lever_of(Channel channel, const Sight& sight) {
   }
 }
 
-Eigen::VectorXd effect_of(const MeanModel& model, const Term& term) {
+Eigen::VectorXd effect_of(const MeanModel& model, const Active& term) {
   return model::effect_of(Means(model), model::kind_without_channels(*term.mechanism, term.target),
                           term.values);
 }
@@ -99,7 +99,7 @@ Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate,
   return x;
 }
 
-TermColumns columns_of(const MeanModel& model, const Term& term) {
+TermColumns columns_of(const MeanModel& model, const Active& term) {
   model::Kind kind = model::kind_without_channels(*term.mechanism, term.target);
   kind.coefficients = model::coefficients_of(*term.mechanism, [](std::size_t) { return 1; });
   kind.ways = ways_of(model, term);

@@ -26,19 +26,6 @@ struct Coefficient {
 
 namespace fit::explain {
 
-/// A mechanism that moves means, with its values (in the order of its parameters).
-struct Term {
-  const Mechanism* mechanism = nullptr;
-  int target = -1;
-  std::vector<double> values;
-  std::vector<double> sigma;  ///< Standard uncertainties of `values`; empty before the fit.
-
-  [[nodiscard]] Active active() const { return {mechanism, values, target}; }
-  [[nodiscard]] bool same(const Term& other) const {
-    return mechanism == other.mechanism && target == other.target;
-  }
-};
-
 /// In the place of a target's number: one after the other, side by side.
 constexpr int all_targets = -2;
 
@@ -58,7 +45,7 @@ struct ChannelInWords {
 [[nodiscard]] double lever_of(Channel channel, const Sight& sight);
 
 /// What a term does to every mean to first order, mm; 0 where it says nothing.
-[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Term& term);
+[[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Active& term);
 
 /// A term's columns: of its sizes, with the catalogue's priors; of its shapes, in units of their priors; and
 /// of how real causes deviate from its formula.
@@ -67,7 +54,7 @@ struct TermColumns {
   Eigen::VectorXd at;                        ///< Their present values.
   Columns sizes, shapes, deviations;
 };
-[[nodiscard]] TermColumns columns_of(const MeanModel& model, const Term& term);
+[[nodiscard]] TermColumns columns_of(const MeanModel& model, const Active& term);
 
 /// A row's coordinate, file unit, or its place along a target (model::place_of); not finite where it has
 /// none.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "fit/explain/scene/stated_noise.hpp"
@@ -18,49 +19,29 @@ void predict_at(Reduced& reduced, const Hypothesis& h, bool may_leave_out) {
 }
 
 std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& h) {
-  std::vector<Active> list = h.active();
-  for (const Term& known : known_terms(bench)) list.push_back(known.active());
-  return list;
-}
-
-std::vector<Active> Hypothesis::active() const {
-  std::vector<Active> list;
-  for (const Term& term : terms) list.push_back(term.active());
-  return list;
-}
-
-std::vector<Term> all_known(const Bench& bench) {
-  std::vector<Term> list;
-  for (const KnownMechanism& known : bench.known) {
-    const Mechanism* m = find_mechanism(known.mechanism);
-    if (!m) continue;
-    Term term{m, -1, m->values(known.parameters), {}};
-    for (const Parameter& p : m->parameters) {
-      const auto found = known.parameters.find(p.name);
-      term.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
-    }
-    const auto name = known.texts.find("target");
-    if (m->one_target || name != known.texts.end()) {
-      for (std::size_t i = 0; i < bench.targets.size(); ++i)
-        if (name != known.texts.end() && bench.targets[i].name == name->second)
-          term.target = static_cast<int>(i);
-      if (term.target < 0) continue;
-    }
-    list.push_back(term);
-  }
+  std::vector<Active> list = h.terms;
+  std::ranges::move(known_terms(bench), std::back_inserter(list));
   return list;
 }
 
 std::vector<Active> known_effects(const Bench& bench) {
-  std::vector<Active> list;
-  for (const Term& known : all_known(bench))
-    if (!is_constant_noise(*known.mechanism)) list.push_back(known.active());
+  std::vector<Active> list = known_to_be_at_work(bench);
+  std::erase_if(list, [](const Active& known) { return is_constant_noise(*known.mechanism); });
   return list;
 }
 
-std::vector<Term> known_terms(const Bench& bench) {
-  std::vector<Term> list = all_known(bench);
-  std::erase_if(list, [](const Term& known) { return !moves_means(*known.mechanism); });
+double variance_of_sample(const std::vector<Active>& at_work, const Cell& cell) {
+  const Effect all = effect_of(at_work, cell.at);
+  const double step_mm = std::max(1.0, all.output_step_mm);
+  return all.variance_mm2 +
+         std::pow(cell.sight.beam_lever(), 2) *
+             (all.scan_angle_variance_rad2 + all.beam_angle_variance_rad2) +
+         (step_mm * step_mm - 1) * rounding_mm2;
+}
+
+std::vector<Active> known_terms(const Bench& bench) {
+  std::vector<Active> list = known_to_be_at_work(bench);
+  std::erase_if(list, [](const Active& known) { return !moves_means(*known.mechanism); });
   return list;
 }
 
@@ -73,7 +54,7 @@ Columns nuisance_columns(const MeanModel& model, const Nuisance& there) {
 Base base_columns(const MeanModel& model, const Hypothesis& h) {
   Base base;
   base.all = nuisance_columns(model, h.nuisance);
-  for (const Term& term : known_terms(model.bench())) {
+  for (const Active& term : known_terms(model.bench())) {
     TermColumns c = columns_of(model, term);
     for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {
       const std::size_t p = c.sizes_of[k].parameter;
@@ -86,7 +67,7 @@ Base base_columns(const MeanModel& model, const Hypothesis& h) {
     base.all.append(c.sizes);
     base.all.append(c.deviations);
   }
-  for (const Term& term : h.terms) {
+  for (const Active& term : h.terms) {
     TermColumns c = columns_of(model, term);
     Prior& prior = c.sizes.prior;
     // A coefficient that is expected to be something does not become certain by being just that.

@@ -11,20 +11,20 @@ namespace fit::explain {
 struct Hypothesis {
   explicit Hypothesis(const Bench& bench) : nuisance(bench) {}
   Nuisance nuisance;
-  std::vector<Term> terms;
+  std::vector<Active> terms;
   std::vector<Shape> shapes;
-  [[nodiscard]] std::vector<Active> active() const;
 };
 
 /// Whether a mechanism moves the means of captures: what differs within one is seen in its scans.
 [[nodiscard]] bool moves_means(const Mechanism& mechanism);
 
-/// All mechanisms that the bench knows, with their uncertainties; none of a target that it does not have.
-[[nodiscard]] std::vector<Term> all_known(const Bench& bench);
-/// Those of them that move means.
-[[nodiscard]] std::vector<Term> known_terms(const Bench& bench);
+/// What the bench knows that moves means.
+[[nodiscard]] std::vector<Active> known_terms(const Bench& bench);
 /// All that the bench knows to be at work, but its constant noise.
 [[nodiscard]] std::vector<Active> known_effects(const Bench& bench);
+
+/// Variance that they add to one sample of the cell, mm^2, beside constant noise and whole millimetres.
+[[nodiscard]] double variance_of_sample(const std::vector<Active>& at_work, const Cell& cell);
 
 /// What a hypothesis holds and what the bench already knows.
 [[nodiscard]] std::vector<Active> all_at_work(const Bench& bench, const Hypothesis& hypothesis);

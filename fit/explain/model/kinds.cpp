@@ -237,7 +237,7 @@ std::span<double Effect::*const> ways_to_act() {
 
 Kind kind_without_channels(const Mechanism& m, int target) {
   Kind kind;
-  kind.mechanism = std::shared_ptr<const Mechanism>(&m, [](const Mechanism*) {});
+  kind.mechanism = shared(m);
   kind.target = target;
   kind.observable = m.observable;
   kind.bins = m.parameter_of(Parameter::Scale::bin);

@@ -99,7 +99,6 @@ Reduced merged(const Reduced& reduced, std::size_t rows) {
   out.same_as = reduced.same_as;
   out.reference_temperature_c = reduced.reference_temperature_c;
   out.has_intensity = reduced.has_intensity;
-  out.empirical = reduced.empirical;
   out.output_steps = reduced.output_steps;
   for (std::size_t g = 0; g < reduced.groups.size(); ++g) {
     Group group = reduced.groups[g];

@@ -9,7 +9,6 @@ using reduction::effect_there;
 Effect reduction::effect_there(const Reduced& reduced, const std::vector<Active>& at_work,
                                const Circumstances& at) {
   Effect effect = effect_of(at_work, at);
-  for (const Mechanism& unnamed : reduced.empirical) effect += unnamed.act(at, {});
   effect.range_mm += reduced.output_steps.bias_mm(at.range_mm + effect.range_mm);
   return effect;
 }

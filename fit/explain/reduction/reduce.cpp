@@ -45,7 +45,6 @@ void begin(const Recording& recording, const Standing& standing, Reduced& out) {
   constexpr std::size_t strays_at_most = 5000;
   if (out.captures.empty()) {
     out.bench = recording.bench();
-    out.empirical = empirical_mechanisms(out.bench);
     out.same_as = standing.same_as;
     for (std::size_t t = out.same_as.size(); t < out.bench.targets.size(); ++t)
       out.same_as.push_back(static_cast<int>(t));

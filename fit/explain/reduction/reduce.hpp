@@ -147,7 +147,6 @@ constexpr double astray_mm = 400;
 
 struct Reduced {
   Bench bench;
-  std::vector<Mechanism> empirical;  ///< What the bench knows without a name; always at work.
   std::vector<CaptureInfo> captures;
   std::vector<Absent> absent;  ///< For every capture.
   std::vector<int> same_as;    ///< For every target of the bench, the first that is the same thing elsewhere.

@@ -53,7 +53,8 @@ Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
     if (active.mechanism->displaces || (active.target >= 0 && active.target != at.target)) continue;
     // What depends on something that the recording does not say (an intensity, a temperature) says nothing.
     const Effect one = active.mechanism->act(at, active.values);
-    if (std::isfinite(one.range_mm + one.beam_rad + one.stage_rad + one.origin_mm.sum())) sum += one;
+    if (std::isfinite(one.range_mm + one.beam_rad + one.stage_rad + one.origin_mm.sum() + one.variance_mm2))
+      sum += one;
   }
   return sum;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fit/bench/scene.hpp"
+#include "fit/known_mechanisms.hpp"
 #include "fit/mechanism.hpp"
 #include "fit/recording.hpp"
 
@@ -40,13 +41,6 @@ struct Nuisance {
  private:
   [[nodiscard]] double& value(const Freedom& freedom);
   std::vector<Freedom> freedoms_;
-};
-
-/// A mechanism at work, with its values in the order of its parameters.
-struct Active {
-  const Mechanism* mechanism = nullptr;
-  std::vector<double> values;
-  int target = -1;  ///< The only target it acts on; -1: all.
 };
 
 /// What all of them together do there; those of one target only to that target, and those that move it not at

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "fit/bench/radiometer.hpp"
+#include "fit/known_mechanisms.hpp"
 
 namespace empirical_test {
 
@@ -18,19 +19,19 @@ TEST_CASE("what was measured and has no name survives in a bench file and acts")
   fit::state_merging(bench, 700);
   fit::state_strays(bench, {true, {0.1, 0.5, 0.9}});
   const fit::Bench again = fit::parse_bench(fit::to_json_text(bench));
-  const auto list = fit::empirical_mechanisms(again);
+  const auto list = fit::known_to_be_at_work(again);
   REQUIRE(list.size() == 3);
   fit::Circumstances at;
   at.beam_rad = 5 * fit::rad_per_deg;
   at.target = 0;
   at.range_mm = 3000;
-  CHECK(list[0].act(at, {}).range_mm == Approx(1));
-  CHECK(list[1].act(at, {}).range_mm == Approx(6));
-  CHECK(list[2].act(at, {}).log_intensity == Approx(0.3));
+  CHECK(list[0].mechanism->act(at, {}).range_mm == Approx(1));
+  CHECK(list[1].mechanism->act(at, {}).range_mm == Approx(6));
+  CHECK(list[2].mechanism->act(at, {}).log_intensity == Approx(0.3));
   at.beam_rad = 40 * fit::rad_per_deg;  // nothing is known there
   at.target = 1;
-  CHECK(list[0].act(at, {}).range_mm == 0);
-  CHECK(list[2].act(at, {}).log_intensity == 0);
+  CHECK(list[0].mechanism->act(at, {}).range_mm == 0);
+  CHECK(list[2].mechanism->act(at, {}).log_intensity == 0);
   CHECK(fit::described_merging(again) == 700);
   CHECK(fit::described_strays(again)->range_mm(0.25, 1000) == Approx(300));
 }

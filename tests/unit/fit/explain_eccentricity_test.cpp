@@ -65,8 +65,8 @@ TEST_CASE("the phase of an axis that runs out points to where the axis is at sta
   });
   INFO(to_text(e));
   // Any arm is as good, and the bench file itself may be wrong: a set, whose members have their values.
-  const fit::explain::Term* found = nullptr;
-  for (const fit::explain::Term& term : e.suspects)
+  const fit::Active* found = nullptr;
+  for (const fit::Active& term : e.suspects)
     if (term.mechanism->id == "stage-eccentricity") found = &term;
   REQUIRE(found);
   CHECK(std::abs(found->values[0] - 2) < 4 * found->sigma[0]);

@@ -114,11 +114,9 @@ TEST_CASE(
   REQUIRE(e.unknown);
   CHECK(e.unknown->coordinate == fit::Coordinate::beam);
   CHECK_THAT(e.unknown->describes, Catch::Contains("the range's scale"));
-  REQUIRE_FALSE(e.predictor.empirical.empty());
-  CHECK(e.predictor.empirical.front().channel == fit::explain::Channel::range_scale);
-  CHECK(e.predictor.empirical.front().value_at(40).value() -
-            e.predictor.empirical.front().value_at(-40).value() ==
-        Approx(0.002).epsilon(0.15));
+  REQUIRE_FALSE(e.correction.empty());
+  CHECK(e.correction.front().acts_on == "range_mm_per_m");
+  CHECK(e.correction.front().value_at(40) - e.correction.front().value_at(-40) == Approx(2).epsilon(0.15));
 }
 
 TEST_CASE("a plain formula does not pay for what others of its cause may have besides", "[rounds][long]") {

@@ -139,7 +139,7 @@ TEST_CASE("an unnamed function that all recordings show predicts another one") {
   // intervals hold, but means may be farther off than without.
   CHECK(prediction.after.coverage_95 > 0.9);
   if (!alike) return;
-  CHECK_FALSE(e.predictor.empirical.empty());
+  CHECK_FALSE(e.correction.empty());
   CHECK(prediction.after.rms_of_means_mm < 0.6 * prediction.before.rms_of_means_mm);
 }
 
@@ -257,7 +257,7 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   step.values = {0.2};
   e.unnamed_suspects.push_back({step, {}, {}});
   CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
-  e.suspects.push_back({fit::find_mechanism("encoder-eccentricity"), -1, {0.01, 60}, {}});
+  e.suspects.push_back({fit::shared(*fit::find_mechanism("encoder-eccentricity")), {0.01, 60}});
   const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);
@@ -316,7 +316,7 @@ TEST_CASE("a curve without a name says the same of another recording, and is tol
 
   Explanation e;
   e.unnamed_suspects.push_back(seen);
-  e.suspects.push_back({fit::find_mechanism("temperature"), -1, {0.2}, {}});
+  e.suspects.push_back({fit::shared(*fit::find_mechanism("temperature")), {0.2}});
   const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);
