@@ -16,24 +16,27 @@ namespace {
 
 constexpr int sectors_of_scan = 8;
 
-/// Variance of the weighted sums of a sector over what one noise for all beams would make, of the range and
-/// of the angle: every beam has its own noise (a "sandwich": White 1980).
+/// Variance of the common range and angle of some beams over what one noise for all would make: every beam
+/// has its own (a "sandwich": White 1980).
 struct OwnNoise {
   double of_range = 0, of_angle = 0;
 
-  OwnNoise(const Reduced& reduced, const Group& group) {
-    double weight = 0, lever = 0;
-    for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
+  OwnNoise() = default;
+  OwnNoise(const Reduced& reduced, const Group& group, std::size_t first_cell, std::size_t last_cell) {
+    double w = 0, wv = 0, wvv = 0, ww = 0, wwv = 0, wwvv = 0;
+    for (std::size_t i = first_cell; i < last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (!reduction::is_informative(cell) || cell.n < 2) continue;
-      const double q = reduction::weight_in_scan(reduced, group, i), v = cell.sight.stage_lever();
-      weight += q;
-      lever += q * v * v;
-      of_range += q * q * cell.variance_mm2;
-      of_angle += q * q * v * v * cell.variance_mm2;
+      const double q = reduction::weight_in_scan(reduced, group, i), v = cell.sight.stage_lever(),
+                   qq = q * q * cell.variance_mm2;
+      w += q, wv += q * v, wvv += q * v * v;
+      ww += qq, wwv += qq * v, wwvv += qq * v * v;
     }
-    of_range = weight > 0 ? std::max(rounding_mm2 / 4, of_range / weight) : 0;
-    of_angle = lever > 0 ? std::max(rounding_mm2 / 4, of_angle / lever) : 0;
+    if (!(w > 0)) return;
+    const double middle = wv / w, own = wvv - middle * wv;
+    of_range = std::max(rounding_mm2 / 4, ww / w);
+    if (own > 0)
+      of_angle = std::max(rounding_mm2 / 4, (wwvv - 2 * middle * wwv + middle * middle * ww) / own);
   }
 };
 
@@ -132,10 +135,12 @@ void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
 /// Sums of the sectors of one part of one scan.
 struct Part : WeightedSums {
   const Sector* first = nullptr;
+  std::size_t last_cell = 0;
   double since_move_s = 0;
 
   void add_sector(const Sector& s) {
     if (!first) first = &s;
+    last_cell = s.last_cell;
     *this += s;
     since_move_s += s.w * s.since_move_s;
   }
@@ -147,16 +152,17 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   const Faces faces = faces_of(reduced);
   std::vector<ScanPart> list;
   std::map<std::tuple<int, int, bool>, int> blocks;
-  int of_group = -1;
-  OwnNoise noise(reduced, Group{});
+  std::map<std::pair<int, int>, OwnNoise> noises;
   Part part;
   const auto close = [&] {
     if (!part.first || !(part.w > 0)) return;
     const Sector& s = *part.first;
     const Group& group = reduced.group_of(s);
-    if (s.group != of_group) noise = OwnNoise(reduced, group);
-    of_group = s.group;
-    if (!(noise.of_range > 0) || !(noise.of_angle > 0)) return;
+    const int number = s.number * parts / sectors_of_scan;
+    const auto [known, is_first] = noises.try_emplace({s.group, number});
+    OwnNoise& noise = known->second;
+    if (is_first) noise = OwnNoise(reduced, group, s.first_cell, part.last_cell);
+    if (!(noise.of_range > 0)) return;
     ScanPart one;
     one.group = s.group;
     one.capture = group.capture;
@@ -168,8 +174,8 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     one.at.seq = number_of(faces.scan[static_cast<std::size_t>(part.first - reduced.sectors.data())]);
     one.in_capture = s.seq;
     const auto add = [&](bool of_angle, double lever, double mm, double variance) {
-      const auto [block, is_new] = blocks.try_emplace({s.group, s.number * parts / sectors_of_scan, of_angle},
-                                                      static_cast<int>(blocks.size()));
+      const auto [block, is_new] =
+          blocks.try_emplace({s.group, number, of_angle}, static_cast<int>(blocks.size()));
       one.block = block->second;
       one.of_angle = of_angle;
       one.lever_mm = lever;
@@ -180,7 +186,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     };
     add(false, part.wv / part.w, part.wd / part.w, noise.of_range / part.w);
     const double own = part.wvv - part.wv * part.wv / part.w;
-    if (!(own > 1e-6 * part.wvv)) return;
+    if (!(own > 1e-6 * part.wvv) || !(noise.of_angle > 0)) return;
     // In millimetres at the beams' typical lever, so that both statistics have about the same noise.
     const double lever = std::sqrt(own / part.w);
     add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, noise.of_angle / part.w);

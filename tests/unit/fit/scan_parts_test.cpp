@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <iterator>
 #include <random>
 #include <vector>
 
@@ -55,6 +56,46 @@ TEST_CASE("what repeats is taken off captures of few and of many beams, and leav
     REQUIRE(sums.number > scans);
     // Five standard deviations of a mean of squares of normal values.
     CHECK(sums.squares / sums.number == Approx(1).margin(5 * std::sqrt(2 / sums.number)));
+  }
+}
+
+TEST_CASE(
+    "parts of scans scatter as they say before walls of unlike noise, in captures of few scans and many") {
+  const double noise_mm[] = {1, 7, 2.5, 10};
+  for (const long scans : {40, 200}) {
+    std::mt19937 random(6);
+    std::normal_distribution<double> normal;
+    SyntheticRecording recording(
+        plain_bench::bench_of_room(R"("steps": 271, "front_step": 135, "step_deg": 1)",
+                                   R"({"value": 3, "u": 3})"),
+        [&](const fit::CaptureInfo& capture, std::int64_t, auto& range, auto&) {
+          for (std::size_t k = 0; k < range.size(); ++k) {
+            const double beam = (static_cast<double>(k) - 135) * degree;
+            const auto met = plain_bench::look(plain_bench::room, {}, capture.stage_rad, beam, {});
+            range[k] = static_cast<std::uint16_t>(
+                std::lround(met->range_mm + noise_mm[met->wall % std::size(noise_mm)] * normal(random)));
+          }
+        });
+    for (int i = 0; i < 2000 / scans; ++i) {
+      fit::CaptureInfo capture;
+      capture.stage_rad = 23 * i * degree;
+      capture.approach = 1;
+      capture.last_step = 270;
+      recording.add(capture, scans);
+    }
+    const fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+    for (const bool of_angle : {false, true}) {
+      double number = 0, squares = 0, fourths = 0;
+      for (const fit::explain::model::ScanPart& part : fit::explain::model::scan_parts(reduced, 3, 4)) {
+        if (part.of_angle != of_angle) continue;
+        const double square = part.mm * part.mm / part.variance_mm2 / (1 - 1.0 / static_cast<double>(scans));
+        number += 1, squares += square, fourths += square * square;
+      }
+      INFO(scans << " scans, of the angle: " << of_angle);
+      REQUIRE(number > 7000);
+      CHECK(squares / number == Approx(1).margin(0.06));
+      CHECK(fourths / squares == Approx(3).margin(0.35));  // as of one normal distribution
+    }
   }
 }
 
