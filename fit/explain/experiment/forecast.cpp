@@ -6,7 +6,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "fit/bench/radiometer.hpp"
+#include "fit/explain/experiment/planned.hpp"
 #include "fit/explain/model/hypothesis.hpp"
 #include "fit/explain/model/mean_model.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
@@ -14,42 +14,8 @@
 namespace fit::explain {
 namespace {
 
+constexpr int few_scans = 3;       // only where beams go is of interest
 constexpr double k_95 = 1.959964;  // of a normal distribution
-
-/// A recording in which every beam reads what geometry alone says, once: only where beams go is of interest.
-class Unmade final : public Recording {
- public:
-  Unmade(const Bench& bench, const std::vector<CaptureInfo>& captures)
-      : bench_(bench), captures_(captures), law_(law_of_bench(bench)) {}
-  const Bench& bench() const override { return bench_; }
-  const std::vector<CaptureInfo>& captures() const override { return captures_; }
-  const std::vector<TrackPose>& track() const override { return track_; }
-  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
-    const CaptureInfo& info = captures_[index];
-    const Scene scene(bench_, Nuisance(bench_), info);
-    std::vector<std::uint16_t> range(static_cast<std::size_t>(info.beams()), 0), intensity = range;
-    for (std::size_t b = 0; b < range.size(); ++b) {
-      const Sight sight =
-          scene.look(info.stage_rad, bench_.lidar.beam_angle(info.step_of(static_cast<int>(b))));
-      if (sight.target < 0) continue;
-      range[b] = static_cast<std::uint16_t>(std::clamp(std::round(sight.range_mm), 30.0, 60000.0));
-      const Target& target = bench_.target_at(sight.target);
-      intensity[b] = static_cast<std::uint16_t>(std::clamp(
-          law_.counts(reflectance_in(info, target), sight.cos_incidence(), sight.range_mm), 1.0, 60000.0));
-    }
-    ScanView view;
-    view.host_us = info.started_us;
-    view.range_mm = range;
-    view.intensity = intensity;
-    for (view.seq = 0; view.seq < 3; ++view.seq) visit(view);
-  }
-
- private:
-  const Bench& bench_;
-  const std::vector<CaptureInfo>& captures_;
-  IntensityLaw law_;
-  std::vector<TrackPose> track_;
-};
 
 /// What the bench knows of mechanisms, ready to act, and which of their values are uncertain.
 struct Known {
@@ -147,7 +113,7 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
   seen.reserve(learnt_from.size());
   for (const Recording* recording : learnt_from) list.push_back(&seen.emplace_back(twin, *recording));
   const Eigen::MatrixXd covariance = left_open(twin, known, u, list);
-  Reduced reduced = reduced_by(twin, known, Unmade(twin, planned), false);
+  Reduced reduced = reduced_by(twin, known, Planned(twin, planned, law_of_bench(twin), few_scans, 0), false);
   if (reduced.smooth_cells() == 0)
     throw std::invalid_argument(
         "no beam of the planned captures meets a target squarely enough to foretell it");

@@ -4,83 +4,17 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <random>
 #include <span>
 
+#include "fit/explain/experiment/planned.hpp"
 #include "fit/explain/inference/apart.hpp"
 #include "fit/explain/reduction/together.hpp"
-#include "fit/numeric/straight_line.hpp"
 
 namespace fit::explain {
 namespace {
 
 constexpr double worth_doing = 3;     // expected log odds below which an experiment separates nothing
 constexpr double close_behind = 3.5;  // log odds within which suspects are not told apart
-
-/// Counts against echo power as the session shows them: log I = a + b log power.
-struct Brightness {
-  double log_gain = std::log(1000.0), exponent = 0.5;
-
-  static Brightness of(const Reduced& reduced) {
-    Brightness b;
-    StraightLine line;
-    for (const Cell& cell : reduced.cells)
-      if (cell.smooth && cell.counts > 1)
-        line.add(std::log(echo_power(reduced.capture_of(cell), reduced.bench, cell.sight)),
-                 std::log(cell.at.intensity));
-    if (line.points() < 10 || line.spread() < 1e-3 * line.points()) return b;
-    b.exponent = std::clamp(line.slope(), 0.1, 1.5);
-    b.log_gain = line.mean() - b.exponent * line.middle();
-    return b;
-  }
-  [[nodiscard]] double counts(double power) const { return std::exp(log_gain + exponent * std::log(power)); }
-};
-
-/// A recording of an experiment that was never made: what the bench alone predicts, with its noise.
-class Imagined : public Recording {
- public:
-  Imagined(const Bench& bench, const Experiment& experiment, Brightness brightness, double sigma_mm)
-      : bench_(bench), experiment_(experiment), brightness_(brightness), sigma_mm_(sigma_mm) {}
-  const Bench& bench() const override { return bench_; }
-  const std::vector<CaptureInfo>& captures() const override { return experiment_.captures; }
-  const std::vector<TrackPose>& track() const override { return track_; }
-  void for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const override {
-    const CaptureInfo& info = experiment_.captures[index];
-    const Scene scene(bench_, Nuisance(bench_), info);
-    const auto beams = static_cast<std::size_t>(info.beams());
-    std::vector<double> range(beams, 0.0);
-    std::vector<std::uint16_t> shown(beams, 0), intensity(beams, 0);
-    for (std::size_t b = 0; b < beams; ++b) {
-      const double beam = bench_.lidar.beam_angle(info.step_of(static_cast<int>(b)));
-      const Sight sight = scene.look(info.stage_rad, beam);
-      if (sight.target < 0) continue;
-      range[b] = sight.range_mm;
-      intensity[b] = static_cast<std::uint16_t>(
-          std::clamp(brightness_.counts(echo_power(info, bench_, sight)), 1.0, 4000.0));
-    }
-    std::mt19937 random(static_cast<unsigned>(index) + 1);
-    std::normal_distribution<double> noise;  // of a lidar without noise, too
-    for (int seq = 0; seq < experiment_.scans; ++seq) {
-      for (std::size_t b = 0; b < beams; ++b)
-        shown[b] = range[b] > 0 ? static_cast<std::uint16_t>(std::clamp(
-                                      std::round(range[b] + sigma_mm_ * noise(random)), 30.0, 60000.0))
-                                : std::uint16_t{0};
-      ScanView view;
-      view.seq = seq;
-      view.host_us = info.started_us + static_cast<std::int64_t>(seq * 1e6 / bench_.lidar.scan_hz);
-      view.range_mm = shown;
-      view.intensity = intensity;
-      visit(view);
-    }
-  }
-
- private:
-  const Bench& bench_;
-  const Experiment& experiment_;
-  Brightness brightness_;
-  double sigma_mm_;
-  std::vector<TrackPose> track_;
-};
 
 bool drifts(const Mechanism& mechanism) {
   return mechanism.coordinate == Coordinate::time || mechanism.coordinate == Coordinate::temperature;
@@ -327,7 +261,6 @@ bool judge(Experiment& e, const Reduced& all, const std::vector<Rivalry>& rivalr
 struct Recorded {
   const Bench& bench;
   std::vector<CaptureInfo> captures;
-  Brightness brightness;
   double sigma_mm;  ///< Of one sample.
   std::vector<Rivalry> rivalries;
   std::function<Reduced(const Recording& more, int times)> with;  ///< Its scans made so many times.
@@ -343,7 +276,8 @@ std::vector<Experiment> telling(const std::vector<Experiment>& possible, const E
       if (!worth_imagining(e, explanation)) continue;
       hold_steady(e, explanation);
       if (times == 1 && repeats(e, recorded.captures)) continue;
-      const Imagined imagined(recorded.bench, e, recorded.brightness, recorded.sigma_mm);
+      const Planned imagined(recorded.bench, e.captures, law_of_bench(explanation.bench), e.scans,
+                             recorded.sigma_mm);
       const bool separates = judge(e, recorded.with(imagined, times), recorded.rivalries);
       e.scans *= times;
       if (separates) list.push_back(std::move(e));
@@ -364,7 +298,7 @@ std::vector<Experiment> telling_with_stage(const std::vector<const Recording*>& 
     return pooled(std::move(all));
   };
   return telling(possible_experiments(so_far.bench, travel), explanation,
-                 {so_far.bench, so_far.captures, Brightness::of(so_far), so_far.typical_sigma_mm(),
+                 {so_far.bench, so_far.captures, so_far.typical_sigma_mm(),
                   rivalries_of(explanation, pooled(so_far)), with});
 }
 
@@ -373,7 +307,6 @@ std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& rec
   if (!explanation.has_rivals() || recordings.empty() || recordings.front()->bench().targets.empty())
     return {};
   const Bench& bench = recordings.front()->bench();
-  const Reduced first = reduce(*recordings.front(), {});
   std::vector<CaptureInfo> captures;
   for (const Recording* recording : recordings)
     captures.insert(captures.end(), recording->captures().begin(), recording->captures().end());
@@ -383,7 +316,7 @@ std::vector<Experiment> telling_by_hand(const std::vector<const Recording*>& rec
     return pooled(reduced_together(list, times));
   };
   return telling(experiments_by_hand(bench, recordings), explanation,
-                 {bench, captures, Brightness::of(first), first.typical_sigma_mm(),
+                 {bench, captures, reduce(*recordings.front(), {}).typical_sigma_mm(),
                   rivalries_of(explanation, pooled(reduced_together(recordings))), with});
 }
 

@@ -64,11 +64,6 @@ double reflectance_in(const CaptureInfo& capture, const Target& target) {
   return about_it && capture.reflectance ? *capture.reflectance : target.reflectance.value_or(0.5);
 }
 
-double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight) {
-  const Target& target = bench.target_at(sight.target);
-  return reflectance_in(capture, target) * sight.cos_incidence() * 1e6 / (sight.range_mm * sight.range_mm);
-}
-
 std::vector<Freedom> freedoms_of(const Bench& bench) {
   using Of = Freedom::Of;
   std::vector<Freedom> list{{Of::mount_x}, {Of::mount_y}, {Of::mount_yaw}};

@@ -67,9 +67,6 @@ struct Sight : Hit {
   [[nodiscard]] double shift(const Effect& effect) const;
 };
 
-/// Power of an echo from there, in units of that of a perfect target met squarely at 1 m.
-[[nodiscard]] double echo_power(const CaptureInfo& capture, const Bench& bench, const Sight& sight);
-
 /// Indices of the bench's targets that do not stand there in a capture.
 using Absent = std::set<int>;
 
