@@ -119,7 +119,7 @@ class Echoes final : public model::NormalRows {
     return VectorXd::NullaryExpr(rows(), [&](Index i) { return of_reading(reading(i)); });
   }
   void add(const MatrixXd& columns, double sigma) {
-    append_to_base(columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma)));
+    append_to_base({columns, Prior::around_zero(columns.cols(), std::max(1e-9, sigma))});
   }
   void add(const std::function<double(const Reading&)>& of_reading, double sigma) {
     add(MatrixXd(column(of_reading)), sigma);

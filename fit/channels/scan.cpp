@@ -81,7 +81,7 @@ class Scans final : public model::NormalRows {
       const Eigen::RowVector2d wave(std::cos(turn), std::sin(turn));
       waves.row(i).segment<4>(4 * of_group.at(part(i).group)) << of_range * wave, of_angle * wave;
     }
-    append_to_base(waves, Prior::around_zero(waves.cols(), numbers::form_mm));
+    append_to_base({waves, Prior::around_zero(waves.cols(), numbers::form_mm)});
   }
   /// All parts of a scan, one after the other, share them.
   void share_errors(double range_mm, double angle_rad) {

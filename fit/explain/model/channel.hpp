@@ -67,6 +67,7 @@ class ChannelRows : public Rows {
   [[nodiscard]] virtual bool sees_only_combs() const { return false; }
   /// Nuisances that every hypothesis has.
   [[nodiscard]] const Columns& base() const { return base_; }
+  void append_to_base(const Columns& more) { base_.append(more); }
   /// Of the predictor where all coefficients are zero.
   [[nodiscard]] virtual double offset(Eigen::Index row) const = 0;
 
@@ -123,7 +124,6 @@ class ChannelRows : public Rows {
   [[nodiscard]] const Row& of(Eigen::Index row) const { return rows_[static_cast<std::size_t>(row)]; }
   [[nodiscard]] const std::vector<Row>& list() const { return rows_; }
   void set_base(Columns base) { base_ = std::move(base); }
-  void append_to_base(const Eigen::MatrixXd& columns, const Prior& prior) { base_.append(columns, prior); }
 
  private:
   std::vector<Row> rows_;

@@ -28,17 +28,27 @@ class Means final : public model::Rows {
   const MeanModel& model_;
 };
 
-/// In which of the ways that move means it acts here.
-std::vector<double Effect::*> ways_of(const MeanModel& model, const Active& term) {
-  constexpr std::array all{&Effect::range_mm, &Effect::beam_rad, &Effect::stage_rad};
-  std::vector<double Effect::*> list;
-  Effect most;
-  for (Eigen::Index i = 0; i < model.rows(); ++i) {
-    const Effect effect = term.mechanism->act(model.cell(i).at, term.values);
-    for (const auto way : all) most.*way = std::max(most.*way, std::abs(effect.*way));
-  }
-  std::ranges::copy_if(all, std::back_inserter(list), [&](const auto way) { return most.*way > 0; });
-  return list;
+/// As the model has mechanisms of the catalogue, with the ways in which it acts here.
+model::Kind kind_here(const model::Rows& rows, const Active& active) {
+  model::Kind kind = model::kind_without_channels(*active.mechanism, active.target);
+  kind.coefficients = model::coefficients_of(*active.mechanism, [](std::size_t) { return 1; });
+  const auto acts_by = [&](const auto way) {
+    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+      Effect only;
+      only.*way = active.mechanism->act(rows.at(i), active.values).*way;
+      if (const double change = rows.response(i, only); change != 0 && std::isfinite(change)) return true;
+    }
+    return false;
+  };
+  std::ranges::copy_if(model::ways_to_act(), std::back_inserter(kind.ways), acts_by);
+  return kind;
+}
+
+/// Its effect there; none where it says nothing.
+double response_to(const model::Rows& rows, Eigen::Index row, const Active& active,
+                   const std::vector<double>& values) {
+  if (active.target >= 0 && active.target != rows.at(row).target) return 0;
+  return rows.response(row, active.mechanism->act(rows.at(row), values));
 }
 
 Columns with_standard_prior(const Eigen::MatrixXd& columns_mm) {
@@ -100,13 +110,11 @@ Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate,
 }
 
 TermColumns columns_of(const MeanModel& model, const Active& term) {
-  model::Kind kind = model::kind_without_channels(*term.mechanism, term.target);
-  kind.coefficients = model::coefficients_of(*term.mechanism, [](std::size_t) { return 1; });
-  kind.ways = ways_of(model, term);
+  const Means rows(model);
+  const model::Kind kind = kind_here(rows, term);
   model::Term there;
   there.kind = &kind;
   there.values = term.values;
-  const Means rows(model);
   TermColumns columns{kind.coefficients, model::coefficients(there), {}, {}, {}};
   columns.sizes = with_standard_prior(model::columns_of(rows, kind, term.values));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
@@ -116,6 +124,36 @@ TermColumns columns_of(const MeanModel& model, const Active& term) {
   columns.shapes = with_standard_prior(model::shape_columns(rows, there));
   columns.deviations = with_standard_prior(model::deviations_of(rows, there).columns);
   return columns;
+}
+
+Columns doubts_of(const model::Rows& rows, const std::vector<Active>& known) {
+  Columns all;
+  all.columns.resize(rows.rows(), 0);
+  for (const Active& active : known) {
+    if (active.mechanism->corrects_a_statement) continue;  // of which the channel of that statement has both
+    for (std::size_t k = 0; k < active.sigma.size(); ++k) {
+      std::vector<double> more = active.values, less = active.values;
+      more[k] += active.sigma[k] / 2;
+      less[k] -= active.sigma[k] / 2;
+      Eigen::VectorXd column(rows.rows());
+      for (Eigen::Index i = 0; i < column.size(); ++i) {
+        const double change = response_to(rows, i, active, more) - response_to(rows, i, active, less);
+        column[i] = std::isfinite(change) ? change : 0;
+      }
+      if (!column.isZero(0)) all.append(with_standard_prior(column));
+    }
+    const model::Kind kind = kind_here(rows, active);
+    if (kind.ways.empty()) continue;
+    model::Term there;
+    there.kind = &kind;
+    there.values = active.values;
+    all.append(with_standard_prior(model::deviations_of(rows, there).columns));
+  }
+  return all;
+}
+
+Columns doubts_of(const MeanModel& model, const std::vector<Active>& known) {
+  return doubts_of(Means(model), known);
 }
 
 }  // namespace fit::explain

@@ -11,6 +11,8 @@
 
 namespace fit::explain::model {
 
+class Rows;
+
 /// One linear coefficient of a term: a size, or the sine or cosine part of one with a phase.
 struct Coefficient {
   std::size_t parameter = 0;
@@ -55,6 +57,11 @@ struct TermColumns {
   Columns sizes, shapes, deviations;
 };
 [[nodiscard]] TermColumns columns_of(const MeanModel& model, const Active& term);
+
+/// What is left open of mechanisms that are known, in the rows of a channel: columns for one standard
+/// uncertainty of each value, and of how real causes deviate from formulas.
+[[nodiscard]] Columns doubts_of(const model::Rows& rows, const std::vector<Active>& known);
+[[nodiscard]] Columns doubts_of(const MeanModel& model, const std::vector<Active>& known);
 
 /// A row's coordinate, file unit, or its place along a target (model::place_of); not finite where it has
 /// none.

@@ -54,19 +54,7 @@ Columns nuisance_columns(const MeanModel& model, const Nuisance& there) {
 Base base_columns(const MeanModel& model, const Hypothesis& h) {
   Base base;
   base.all = nuisance_columns(model, h.nuisance);
-  for (const Active& term : known_terms(model.bench())) {
-    TermColumns c = columns_of(model, term);
-    for (std::size_t k = 0; k < c.sizes_of.size(); ++k) {
-      const std::size_t p = c.sizes_of[k].parameter;
-      const double u = c.sizes_of[k].has_phase
-                           ? std::hypot(term.sigma[p], term.values[p] * term.sigma[p + 1] * rad_per_deg)
-                           : term.sigma[p];
-      c.sizes.prior.mean[static_cast<Eigen::Index>(k)] = 0;
-      c.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = std::max(1e-12, 1.5 * u);
-    }
-    base.all.append(c.sizes);
-    base.all.append(c.deviations);
-  }
+  base.all.append(doubts_of(model, known_terms(model.bench())));
   for (const Active& term : h.terms) {
     TermColumns c = columns_of(model, term);
     Prior& prior = c.sizes.prior;

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT
+// What the bench file knows of the lidar's noise, with its uncertainty, is nothing that is missing.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "fit/explain/explanation.hpp"
+#include "fit/known_mechanisms.hpp"
+#include "plain_scenes.hpp"
+
+namespace explain_known_test {
+
+using fit::Estimate;
+using fit::explain::to_text;
+using namespace plain_bench;
+
+/// A recording whose bench file knows one mechanism more.
+class Knowing final : public fit::Forwarded {
+ public:
+  Knowing(const fit::Recording& of, const std::string& mechanism,
+          const std::map<std::string, Estimate>& parameters)
+      : Forwarded(of), bench_(of.bench()) {
+    fit::add_known(bench_, *fit::find_mechanism(mechanism), parameters);
+  }
+  const fit::Bench& bench() const override { return bench_; }
+
+ private:
+  fit::Bench bench_;
+};
+
+PlainScene furnished_room() {
+  PlainScene scene{furnished};
+  scene.sigma_mm = 3;
+  return scene;
+}
+
+fit::explain::Explanation explained_knowing(SyntheticRecording recording, const std::string& mechanism,
+                                            const std::map<std::string, Estimate>& parameters) {
+  turn_round(recording, furnished_room(), 14, 25);
+  const Knowing knowing(recording, mechanism, parameters);
+  return fit::explain::explain({&knowing}, {});
+}
+
+TEST_CASE("a law of noise that is known to a few percent is not exact: what it leaves has no name") {
+  constexpr double at_100_counts_mm = 15, u = 0.05;
+  const double stated = GENERATE(1 - u, 1.0, 1 + u);
+  const Spoil more_when_weak = [](const Sample& sample, std::mt19937& random) {
+    const double counts = 3e6 * std::cos(sample.incidence_rad) / sample.range_mm;
+    std::normal_distribution<double> noise(0, at_100_counts_mm * std::sqrt(100 / counts));
+    return sample.range_mm + noise(random);
+  };
+  const auto e = explained_knowing(
+      recorded(
+          furnished_room(), 3, [](double, double, double) { return Deviation{}; }, more_when_weak),
+      "intensity-noise",
+      {{"sigma_mm_at_100_counts", {stated * at_100_counts_mm, u * at_100_counts_mm}}, {"exponent", {1, u}}});
+  INFO("stated " << stated << " of the truth: " << to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+}
+
+TEST_CASE("angles that are known to scatter from scan to scan scatter by chance in few scans") {
+  constexpr double sigma_deg = 0.08;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const auto angle_of_scan = [seed](double time_s) {
+      std::seed_seq scan{seed, static_cast<unsigned>(std::lround(time_s * 1000))};
+      std::mt19937 random(scan);
+      Deviation off;
+      off.beam_rad = sigma_deg * degree * std::normal_distribution<double>()(random);
+      return off;
+    };
+    const auto e = explained_knowing(
+        recorded(furnished_room(), seed,
+                 [&](double, double, double time_s) { return angle_of_scan(time_s); }),
+        "angle-jitter", {{"sigma_deg", {sigma_deg, 0.1 * sigma_deg}}, {"own_share", {0, 0}}});
+    INFO("seed " << seed << ": " << to_text(e));
+    CHECK(e.verdict == "nothing-missing");
+  }
+}
+
+}  // namespace explain_known_test
