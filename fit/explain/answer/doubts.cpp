@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -35,11 +36,15 @@ std::string on_excess(double excess) {
          " times more than their samples say; everything was weighed accordingly.";
 }
 
+bool is_anything_found(const Explanation& out) {
+  return !out.mechanisms.empty() || !out.undecided_between.empty() || out.unknown;
+}
+
 /// Held-out figures that contradict "nothing is missing": the other stops are too few to learn from them
 /// where the lidar and the targets stand.
 bool placed_by_bench_alone(const MeanResult& means, const Explanation& out) {
-  const bool nothing_found = out.mechanisms.empty() && out.undecided_between.empty() && !out.unknown;
-  return nothing_found && means.after.coverage < 0.5 && means.after.rms_mm > 3 * means.noise_floor_mm;
+  return !is_anything_found(out) && means.after.coverage < 0.5 &&
+         means.after.rms_mm > 3 * means.noise_floor_mm;
 }
 
 std::string on_worse_held_out(const Explanation& out) {
@@ -64,6 +69,48 @@ std::string on_rounded_angles(double grid_deg) {
          rounded(grid_deg, 3) + " deg / sqrt(12) = " + rounded(grid_deg / std::sqrt(12.0), 3) + " deg.";
 }
 
+/// Cells that show the most counts of all, alike, though geometry makes their echoes differ: counts end
+/// there.
+struct EndOfCounts {
+  double counts = 0;
+  int cells = 0, below = 0;
+  double weakest = 1e300, strongest = 0;  ///< Power of their echoes, any unit.
+
+  explicit EndOfCounts(const Reduced& reduced) {
+    constexpr double alike = 0.99, well_below = 0.9;
+    for (const Cell& cell : reduced.cells)
+      if (counts_of(cell) > counts) counts = counts_of(cell);
+    for (const Cell& cell : reduced.cells) {
+      if (!(counts_of(cell) > 0)) continue;
+      below += counts_of(cell) < well_below * counts;
+      if (counts_of(cell) < alike * counts) continue;
+      ++cells;
+      const double power =
+          reflectance_in(reduced.capture_of(cell), reduced.bench.target_at(cell.sight.target)) *
+          cell.at.cos_incidence / std::pow(cell.at.range_mm, 2);
+      weakest = std::min(weakest, power);
+      strongest = std::max(strongest, power);
+    }
+  }
+  [[nodiscard]] bool is_reached() const {
+    constexpr int fewest = 20;
+    constexpr double clearly = 1.3;  // times as strong
+    return cells >= fewest && below >= fewest && strongest > clearly * weakest;
+  }
+  [[nodiscard]] std::string in_words() const {
+    return "Counts end at " + rounded(counts, 4) + ": " + std::to_string(cells) +
+           " cells show as many, though their echoes differ by a factor of " +
+           rounded(strongest / weakest, 2) +
+           " by distance, incidence and reflectance. The receiver clips there. What lies off in these cells "
+           "alone may be its saturation, whatever it is called here; put a grey filter over what is bright.";
+  }
+
+ private:
+  [[nodiscard]] static double counts_of(const Cell& cell) {
+    return cell.smooth && cell.n > 1 && std::isfinite(cell.counts) ? cell.counts : 0;
+  }
+};
+
 }  // namespace
 
 void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
@@ -75,6 +122,7 @@ void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.is_worse_held_out()) note(on_worse_held_out(out));
   if (means.excess > 1) note(on_excess(means.excess));
+  if (const EndOfCounts end(reduced); is_anything_found(out) && end.is_reached()) note(end.in_words());
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : inferred.accepted)
     if (suspect.mechanism->id == "angle-jitter" && is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))

@@ -115,7 +115,7 @@ TermColumns columns_of(const MeanModel& model, const Active& term) {
   model::Term there;
   there.kind = &kind;
   there.values = term.values;
-  TermColumns columns{kind.coefficients, model::coefficients(there), {}, {}, {}};
+  TermColumns columns{model::coefficients(there), {}, {}, {}};
   columns.sizes = with_standard_prior(model::columns_of(rows, kind, term.values));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
     columns.sizes.prior.mean[static_cast<Eigen::Index>(k)] = kind.coefficients[k].expected;

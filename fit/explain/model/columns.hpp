@@ -2,8 +2,6 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <cstddef>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -12,17 +10,6 @@
 namespace fit::explain::model {
 
 class Rows;
-
-/// One linear coefficient of a term: a size, or the sine or cosine part of one with a phase.
-struct Coefficient {
-  std::size_t parameter = 0;
-  bool has_phase = false;
-  int quadrature = 0;  ///< 1: the part a quarter of a turn ahead.
-  double expected = 0, typical = 1;
-  double largest = std::numeric_limits<double>::infinity();
-  int sign = 0;
-  int power = 1;  ///< The effect goes with this power of the size, and so do all of these.
-};
 
 }  // namespace fit::explain::model
 
@@ -52,8 +39,7 @@ struct ChannelInWords {
 /// A term's columns: of its sizes, with the catalogue's priors; of its shapes, in units of their priors; and
 /// of how real causes deviate from its formula.
 struct TermColumns {
-  std::vector<model::Coefficient> sizes_of;  ///< What each column of `sizes` is.
-  Eigen::VectorXd at;                        ///< Their present values.
+  Eigen::VectorXd at;  ///< Present values of the sizes.
   Columns sizes, shapes, deviations;
 };
 [[nodiscard]] TermColumns columns_of(const MeanModel& model, const Active& term);

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: MIT
-// What the bench file knows of the lidar's noise, with its uncertainty, is nothing that is missing.
+// What the bench file knows, with its uncertainty, is nothing that is missing; what receivers hide is said.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <random>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "fit/explain/explanation.hpp"
 #include "fit/known_mechanisms.hpp"
@@ -79,6 +83,38 @@ TEST_CASE("angles that are known to scatter from scan to scan scatter by chance 
     INFO("seed " << seed << ": " << to_text(e));
     CHECK(e.verdict == "nothing-missing");
   }
+}
+
+/// A recording whose counts end there.
+class Clipped final : public fit::Forwarded {
+ public:
+  Clipped(const fit::Recording& of, std::uint16_t most) : Forwarded(of), most_(most) {}
+  void for_each_scan(std::size_t index,
+                     const std::function<void(const fit::ScanView&)>& visit) const override {
+    Forwarded::for_each_scan(index, [&](fit::ScanView view) {
+      std::vector<std::uint16_t> counts(view.intensity.begin(), view.intensity.end());
+      for (std::uint16_t& one : counts) one = std::min(one, most_);
+      view.intensity = counts;
+      visit(view);
+    });
+  }
+
+ private:
+  std::uint16_t most_;
+};
+
+TEST_CASE("where counts end whatever comes back, the answer says so beside what it names") {
+  SyntheticRecording recording = recorded(
+      furnished_room(), 4, [](double, double, double) { return Deviation{}; },
+      [](const Sample& sample, std::mt19937&) { return 1.004 * sample.range_mm; });
+  turn_round(recording, furnished_room());
+  const auto note_of = [](const fit::Recording& one) {
+    for (const std::string& note : fit::explain::explain({&one}, {}).notes)
+      if (note.starts_with("Counts end at")) return note;
+    return std::string();
+  };
+  CHECK(note_of(recording).empty());
+  CHECK_THAT(note_of(Clipped(recording, 1000)), Catch::StartsWith("Counts end at 1000: "));
 }
 
 }  // namespace explain_known_test
