@@ -5,6 +5,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "fit/bench/empirical.hpp"
 #include "fit/bench/json_position.hpp"
@@ -63,16 +64,20 @@ void demand_catalogued(const Bench& bench) {
     if (!f.target.empty()) demand_target("\"empirical\" function", f.target, bench);
 }
 
-void add_known(Bench& bench, const Mechanism& mechanism, const std::map<std::string, Estimate>& parameters,
-               const std::string& target) {
-  const auto stated = std::ranges::find(bench.known, mechanism.id, &KnownMechanism::mechanism);
-  if (mechanism.corrects_a_statement && stated != bench.known.end()) {
-    stated->parameters.insert(parameters.begin(), parameters.end());
-    return;
-  }
-  KnownMechanism known{mechanism.id, parameters, {}};
+KnownMechanism as_known(const Mechanism& mechanism, std::map<std::string, Estimate> parameters,
+                        const std::string& target) {
+  KnownMechanism known{mechanism.id, std::move(parameters), {}};
   if (!target.empty()) known.texts["target"] = target;
-  bench.known.push_back(std::move(known));
+  return known;
+}
+
+void add_known(Bench& bench, KnownMechanism known) {
+  const Mechanism* mechanism = find_mechanism(known.mechanism);
+  const auto stated = std::ranges::find(bench.known, known.mechanism, &KnownMechanism::mechanism);
+  if (mechanism && mechanism->corrects_a_statement && stated != bench.known.end())
+    stated->parameters.insert(known.parameters.begin(), known.parameters.end());
+  else
+    bench.known.push_back(std::move(known));
 }
 
 std::vector<Active> known_to_be_at_work(const Bench& bench) {
@@ -80,7 +85,7 @@ std::vector<Active> known_to_be_at_work(const Bench& bench) {
   for (const KnownMechanism& known : bench.known) {
     const Mechanism* m = find_mechanism(known.mechanism);
     if (!m) continue;
-    Active active{shared(*m), m->values(known.parameters)};
+    Active active{not_owned(*m), m->values(known.parameters)};
     for (const Parameter& p : m->parameters) {
       const auto found = known.parameters.find(p.name);
       active.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);

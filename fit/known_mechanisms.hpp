@@ -23,10 +23,11 @@ struct Active {
   std::vector<double> sigma = {};  ///< Standard uncertainties of `values`; empty: none known.
 };
 
-/// Adds a mechanism to what the bench knows; what corrects a statement, to that statement. `target`: the only
-/// one that it acts on; empty: all.
-void add_known(Bench& bench, const Mechanism& mechanism, const std::map<std::string, Estimate>& parameters,
-               const std::string& target = {});
+/// A mechanism as bench files know it. `target`: the only one that it acts on; empty: all.
+[[nodiscard]] KnownMechanism as_known(const Mechanism& mechanism, std::map<std::string, Estimate> parameters,
+                                      const std::string& target = {});
+/// Adds it to what the bench knows; what corrects a statement, to that statement.
+void add_known(Bench& bench, KnownMechanism known);
 
 /// All that a bench knows to be at work: mechanisms of the catalogue and, as such without parameters,
 /// functions without a name. None that are of a target which it does not have.

@@ -300,9 +300,9 @@ struct Mechanism {
 [[nodiscard]] const std::vector<Mechanism>& catalogue();
 /// The mechanism of that id, or nullptr.
 [[nodiscard]] const Mechanism* find_mechanism(const std::string& id);
-/// One of the catalogue, which lives as long as the program, as those that do not.
-[[nodiscard]] inline std::shared_ptr<const Mechanism> shared(const Mechanism& of_catalogue) {
-  return {std::shared_ptr<const Mechanism>(), &of_catalogue};
+/// A pointer that does not own it: those of the catalogue live as long as the program.
+[[nodiscard]] inline std::shared_ptr<const Mechanism> not_owned(const Mechanism& mechanism) {
+  return {std::shared_ptr<const Mechanism>(), &mechanism};
 }
 
 /// "0.1210 ± 0.0042 deg": with its expanded uncertainty (k = 2), to the second digit of that

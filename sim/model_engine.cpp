@@ -5,7 +5,6 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <stdexcept>
 
 #include "fit/bench/empirical.hpp"
 #include "fit/bench/radiometer.hpp"

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -112,11 +113,13 @@ double EmpiricalFunction::value_at(double v) const {
 }
 
 bool EmpiricalFunction::covers(double v) const {
-  constexpr double widest_gap = 0.1;
-  if (at.empty() || !(v >= at.front() && v <= at.back())) return false;
-  const auto next = std::ranges::upper_bound(at, v);
-  return next == at.begin() || next == at.end() ||
-         *next - *(next - 1) <= widest_gap * (at.back() - at.front());
+  constexpr double widest_gap = 0.1, rounding = 1e-6;  // of the span
+  if (at.empty() || !std::isfinite(v)) return false;
+  constexpr double none = std::numeric_limits<double>::infinity();
+  const auto next = std::ranges::lower_bound(at, v);
+  const double span = at.back() - at.front(), above = next == at.end() ? none : *next - v,
+               below = next == at.begin() ? none : v - *(next - 1);
+  return above + below <= widest_gap * span || std::min(above, below) <= rounding * span;
 }
 
 double EmpiricalFunction::place_of(const Circumstances& there) const { return named(coordinate)->of(there); }
@@ -152,8 +155,8 @@ void keep_targets(Bench& bench, std::size_t count) {
   });
   if (!bench.document.json().contains("empirical")) return;
   json kept = json::array();
-  for (const EmpiricalFunction& f : empirical_functions(bench))
-    if (!is_elsewhere(f.target)) kept.push_back(as_entry(f));
+  for (const json& entry : bench.document.json()["empirical"])
+    if (!is_elsewhere(function_of(entry).target)) kept.push_back(entry);
   bench.document.change([&](json& document) { document["empirical"] = kept; });
 }
 

@@ -27,7 +27,7 @@ struct EmpiricalFunction {
   std::vector<double> at, value;
 
   [[nodiscard]] double value_at(double coordinate_value) const;
-  /// Whether it was measured about there: not beyond its places, nor in a gap of more than a tenth of them.
+  /// Whether it was measured about there: at one of its places, or between two that lie close together.
   [[nodiscard]] bool covers(double coordinate_value) const;
   /// Its coordinate there, file unit; not finite where it has none.
   [[nodiscard]] double place_of(const Circumstances& at) const;

@@ -95,12 +95,12 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   Reduced reduced = reading.take_reduced();
   const inference::Inferred inferred = search(reduced, progress);
   Explanation explanation = reported(reduced, inferred);
+  explanation.several_places = reading.together().in_several_places();
   const std::vector<EmpiricalFunction> functions = complete_twin(reduced, inferred.means, explanation);
   if (inferred.means.shapes_carry_over) explanation.correction = functions;
   explanation.predictor =
       predictor_of(reduced, inferred.means, inferred.accepted, inferred.undecided, explanation.correction);
   for (const EmpiricalFunction& f : functions) add_empirical(explanation.bench, f);
-  explanation.several_places = reading.together().in_several_places();
   keep_targets(explanation.bench, reading.together().first_scene());
   explanation.notes.insert(explanation.notes.begin(), reading.notes().begin(), reading.notes().end());
   return explanation;

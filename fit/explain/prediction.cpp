@@ -18,12 +18,12 @@ namespace {
 /// Functions without a name as one: they were found together and may make up for each other, and act where
 /// all of them were seen.
 Active as_one(const std::vector<EmpiricalFunction>& functions, const Bench& bench) {
-  struct Part {
+  struct OneOfThem {
     EmpiricalFunction function;
     int target;
     Mechanism acts;
   };
-  std::vector<Part> parts;
+  std::vector<OneOfThem> parts;
   for (const EmpiricalFunction& f : functions) {
     const Target* target = bench.target(f.target);
     if (!f.target.empty() && !target) continue;
@@ -33,7 +33,7 @@ Active as_one(const std::vector<EmpiricalFunction>& functions, const Bench& benc
   auto all = std::make_shared<Mechanism>();
   all->act = [parts](const Circumstances& at, std::span<const double>) {
     Effect sum;
-    for (const Part& part : parts) {
+    for (const OneOfThem& part : parts) {
       if (part.target >= 0 && part.target != at.target) continue;
       if (!part.function.covers(part.function.place_of(at))) return Effect{};
       sum += part.acts.act(at, {});
@@ -41,6 +41,13 @@ Active as_one(const std::vector<EmpiricalFunction>& functions, const Bench& benc
     return sum;
   };
   return {all, {}};
+}
+
+/// Whether the bench says that mechanism of that target by itself.
+bool states(const Bench& bench, const KnownMechanism& found) {
+  return std::ranges::any_of(bench.known, [&](const KnownMechanism& known) {
+    return known.mechanism == found.mechanism && known.texts == found.texts;
+  });
 }
 
 /// Squares of a cell's samples about what was predicted, and the variance that is known of each.
@@ -205,23 +212,22 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
     return target < 0 ? std::string() : reduced.bench.target_at(target).name;
   };
   Predictor p;
-  p.bench = reduced.bench;
   p.functions = functions;
   for (const Active& term : means.best.terms) {
     std::map<std::string, Estimate> parameters;
     for (std::size_t k = 0; k < term.values.size(); ++k)
       parameters[term.mechanism->parameters[k].name] = {term.values[k], term.sigma[k]};
-    add_known(p.bench, *term.mechanism, parameters, name_of(term.target));
+    p.mechanisms.push_back(as_known(*term.mechanism, std::move(parameters), name_of(term.target)));
   }
   for (const auto* list : {&accepted, &undecided})
     for (const Suspect& suspect : *list)
       if (!is_constant_noise(*suspect.mechanism))
-        add_known(p.bench, *suspect.mechanism, suspect.parameters, name_of(suspect.target));
+        p.mechanisms.push_back(as_known(*suspect.mechanism, suspect.parameters, name_of(suspect.target)));
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   fit_nuisances(reduced, means.noise, passes, nothing);
   p.constant_before = constant_noise_of(reduced);
-  reduced.bench = p.bench;
+  for (const KnownMechanism& found_one : p.mechanisms) add_known(reduced.bench, found_one);
   Hypothesis found(reduced.bench);
   found.nuisance = means.best.nuisance;
   if (functions.empty()) {
@@ -242,7 +248,8 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     throw std::invalid_argument(
         "no beam of the recording to be predicted meets a target of its bench. Check the targets' places");
   Reduced after = before;
-  after.bench.known = predictor.bench.known;
+  for (const KnownMechanism& found : predictor.mechanisms)
+    if (!states(before.bench, found)) add_known(after.bench, found);
   place_and_predict(before, {}, predictor.constant_before);
   place_and_predict(after, predictor.functions, predictor.constant_after);
   const std::vector<Active> known_before = known_effects(before.bench),

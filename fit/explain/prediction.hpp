@@ -18,10 +18,10 @@ struct ConstantNoise {
 
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {
-  Bench bench;  ///< Knows the mechanisms, those of one target by its name; of sets, the best.
+  std::vector<KnownMechanism> mechanisms;    ///< That were found; of sets, the best.
   std::vector<EmpiricalFunction> functions;  ///< Without a name.
-  ConstantNoise constant_before;  ///< With geometry alone ...
-  ConstantNoise constant_after;   ///< ... and beside what was found.
+  ConstantNoise constant_before;             ///< With geometry and what the bench knew alone ...
+  ConstantNoise constant_after;              ///< ... and beside what was found.
 };
 
 /// Mean and noise of samples that were never fitted, under one description.

@@ -61,7 +61,7 @@ void report_coarse_steps(const Reduced& reduced, const Inferred& inferred, Expla
   if (steps == inferred.accepted.end() || reduced.bench.knows(steps->mechanism->id)) return;
   out.mechanisms.push_back(found_steps(*steps));
   out.after.log_likelihood += out.mechanisms.back().log_likelihood_gain;
-  add_known(out.bench, *steps->mechanism, steps->parameters);
+  add_known(out.bench, as_known(*steps->mechanism, steps->parameters));
 }
 
 void report_unknown(const Reduced& reduced, const Inferred& inferred, Explanation& out) {

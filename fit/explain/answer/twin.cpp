@@ -15,7 +15,8 @@ constexpr const char* wide_beam = "mixed-pixel";
 
 using Eigen::VectorXd;
 
-constexpr std::size_t places_of_twin = 150;
+constexpr std::size_t places_of_twin = 150,
+                      places_of_function = 60;  // of one that is to hold for other recordings
 constexpr double worth_a_table_mm = 0.02;  // root mean square of what it does
 constexpr int most_tables = 4;
 constexpr double worth_a_table_share = 0.2;  // share of an effect's squares that one more table must tell
@@ -96,7 +97,8 @@ std::vector<Along> all_ways(const MeanModel& model) {
 }
 
 /// Table of an effect (mm, row by row); empty when it is not worth one.
-EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a) {
+EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, const Along& a,
+                           std::size_t places = places_of_twin) {
   const ChannelInWords& channel = in_words_of(a.channel);
   EmpiricalFunction table{a.coordinate, channel.key, a.target, {}, {}};
   std::vector<WeighedValue> list;
@@ -108,12 +110,15 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
     squares += effect_mm[i] * effect_mm[i];
     count += 1;
   }
-  if (count < 4 || squares < worth_a_table_mm * worth_a_table_mm * count) return table;
-  const std::size_t each = list.size() / places_of_twin;
+  if (list.empty() || count < 4 || squares < worth_a_table_mm * worth_a_table_mm * count) return table;
+  const auto [first, last] = std::ranges::minmax(list, {}, &WeighedValue::at);
+  const std::size_t each = list.size() / places;
   RunMeans means = means_over_runs(std::move(list), each);
   if (means.at.size() < 2) return table;
   table.at = std::move(means.at);
   table.value = std::move(means.value);
+  table.at.front() = first.at;  // the outermost runs hold to the ends of what was recorded
+  table.at.back() = last.at;
   return table;
 }
 
@@ -213,7 +218,8 @@ std::vector<EmpiricalFunction> complete_twin(Reduced& reduced, const MeanResult&
     for (const int target : along_targets(shape, out.bench))
       functions.push_back(table_of(model, effect,
                                    target < 0 ? along(model, shape.coordinate, shape.channel)
-                                              : along(model, "along_mm", place_of, target)));
+                                              : along(model, "along_mm", place_of, target),
+                                   places_of_function));
   }
   const bool mixed =
       std::ranges::any_of(out.mechanisms, [](const Found& f) { return f.mechanism->id == wide_beam; });

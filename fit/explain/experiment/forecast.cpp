@@ -17,49 +17,22 @@ namespace {
 constexpr int few_scans = 3;       // only where beams go is of interest
 constexpr double k_95 = 1.959964;  // of a normal distribution
 
-/// What the bench knows of mechanisms, ready to act, and which of their values are uncertain.
+/// What the bench knows of mechanisms, ready to act, and which of them have values that count as uncertain:
+/// where targets stand does so by itself.
 struct Known {
-  std::vector<Active> at_work;
-  struct Doubtful {
-    std::size_t active, parameter;
-    double u;
-  };
-  std::vector<Doubtful> doubtful;
+  std::vector<Active> at_work, doubtful;
 
-  explicit Known(const Bench& bench) {
-    for (const Active& known : known_to_be_at_work(bench)) {
-      for (std::size_t p = 0; p < known.sigma.size(); ++p)
-        if (known.sigma[p] > 0 && !known.mechanism->displaces)
-          doubtful.push_back({at_work.size(), p, known.sigma[p]});
-      at_work.push_back(known);
-    }
-  }
-
-  /// mm in a mean for one standard uncertainty of that value, at every row.
-  [[nodiscard]] Eigen::VectorXd column(const MeanModel& model, const Doubtful& d) const {
-    const Active& active = at_work[d.active];
-    std::vector<double> more = active.values, less = active.values;
-    more[d.parameter] += d.u / 2;
-    less[d.parameter] -= d.u / 2;
-    Eigen::VectorXd out = Eigen::VectorXd::Zero(model.rows());
-    for (Eigen::Index i = 0; i < model.rows(); ++i) {
-      const Circumstances& at = model.cell(i).at;
-      if (active.target >= 0 && active.target != at.target) continue;
-      const double change =
-          model.shift(i, active.mechanism->act(at, more)) - model.shift(i, active.mechanism->act(at, less));
-      if (std::isfinite(change)) out[i] = change;
-    }
-    return out;
+  explicit Known(const Bench& bench) : at_work(known_to_be_at_work(bench)), doubtful(at_work) {
+    std::erase_if(doubtful, [](const Active& known) { return bool(known.mechanism->displaces); });
   }
 };
 
 /// Columns of all that is uncertain, for one standard uncertainty each.
 Eigen::MatrixXd columns_of_doubt(const MeanModel& model, const Known& known, const Eigen::VectorXd& u) {
-  const Eigen::MatrixXd places = model.nuisance_columns() * u.asDiagonal();
-  Eigen::MatrixXd all(model.rows(), places.cols() + static_cast<Eigen::Index>(known.doubtful.size()));
-  all.leftCols(places.cols()) = places;
-  for (std::size_t k = 0; k < known.doubtful.size(); ++k)
-    all.col(places.cols() + static_cast<Eigen::Index>(k)) = known.column(model, known.doubtful[k]);
+  const Eigen::MatrixXd places = model.nuisance_columns() * u.asDiagonal(),
+                        values = values_in_doubt(model, known.doubtful).columns;
+  Eigen::MatrixXd all(model.rows(), places.cols() + values.cols());
+  all << places, values;
   return all;
 }
 
@@ -72,7 +45,9 @@ Reduced reduced_by(const Bench& twin, const Known& known, const Recording& recor
 /// What the recordings leave open of `columns_of_doubt`'s coefficients.
 Eigen::MatrixXd left_open(const Bench& twin, const Known& known, const Eigen::VectorXd& u,
                           const std::vector<const Recording*>& recordings) {
-  const auto count = u.size() + static_cast<Eigen::Index>(known.doubtful.size());
+  const auto is_uncertain = [](double sigma) { return sigma > 0; };
+  auto count = u.size();
+  for (const Active& active : known.doubtful) count += std::ranges::count_if(active.sigma, is_uncertain);
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index i = 0; i < u.size(); ++i) information(i, i) = 1;
   for (const Recording* recording : recordings) {

@@ -11,7 +11,7 @@
 namespace fit::explain {
 
 void Planned::for_each_scan(std::size_t index, const std::function<void(const ScanView&)>& visit) const {
-  constexpr double nearest_mm = 30, most = 60000;
+  constexpr double nearest_mm = 30, farthest_mm = 60000, most_counts = 60000;
   const CaptureInfo& info = captures_[index];
   const Scene scene(bench_, Nuisance(bench_), info);
   const auto beams = static_cast<std::size_t>(info.beams());
@@ -24,7 +24,7 @@ void Planned::for_each_scan(std::size_t index, const std::function<void(const Sc
     expected_mm[b] = sight.range_mm;
     const double reflectance = reflectance_in(info, bench_.target_at(sight.target));
     intensity[b] = static_cast<std::uint16_t>(
-        std::clamp(law_.counts(reflectance, sight.cos_incidence(), sight.range_mm), 1.0, most));
+        std::clamp(law_.counts(reflectance, sight.cos_incidence(), sight.range_mm), 1.0, most_counts));
   }
   std::mt19937 random(static_cast<unsigned>(index) + 1);
   std::normal_distribution<double> noise;
@@ -35,7 +35,7 @@ void Planned::for_each_scan(std::size_t index, const std::function<void(const Sc
     for (std::size_t b = 0; b < beams; ++b)
       if (expected_mm[b] > 0)
         range[b] = static_cast<std::uint16_t>(
-            std::clamp(std::round(expected_mm[b] + sigma_mm_ * noise(random)), nearest_mm, most));
+            std::clamp(std::round(expected_mm[b] + sigma_mm_ * noise(random)), nearest_mm, farthest_mm));
     view.host_us = info.started_us +
                    static_cast<std::int64_t>(static_cast<double>(view.seq) * 1e6 / bench_.lidar.scan_hz);
     visit(view);

@@ -12,8 +12,11 @@ using Channels = std::vector<std::unique_ptr<model::ChannelRows>>;
 /// Those beside the means.
 Channels channels_of(const Reduced& reduced) {
   Channels channels;
-  for (const model::ChannelKind& kind : model::channel_kinds())
+  const std::vector<Active> known = known_effects(reduced.bench);
+  for (const model::ChannelKind& kind : model::channel_kinds()) {
     channels.push_back(kind.of_predicted ? nullptr : kind.rows(reduced, {}));
+    if (channels.back()) append_doubts(known, *channels.back());
+  }
   return channels;
 }
 

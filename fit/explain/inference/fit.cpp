@@ -154,7 +154,7 @@ Eigen::VectorXd sizes_of(const Term& term, const Design& design, const Design::B
 Eigen::VectorXd start_of(const Design& design, const std::vector<Term>& terms, const Fitted& before) {
   const Eigen::VectorXd& base = before.hypothesis.base;
   Eigen::VectorXd x = design.mean;
-  x.head(base.size()) = base.cwiseQuotient(design.sigma.head(base.size()));
+  if (base.size() <= x.size()) x.head(base.size()) = base.cwiseQuotient(design.sigma.head(base.size()));
   for (std::size_t t = 0; t < terms.size(); ++t) {
     const Design::Block& block = design.blocks[t];
     if (!terms[t].sigma.empty())  // else nobody has asked for its size

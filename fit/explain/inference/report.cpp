@@ -99,7 +99,7 @@ void report_named(const Named& named, double gain, const Reduced& reduced, Expla
   else
     add_size(found, *other_size);
   if (is_constant_noise(*found.mechanism)) return;  // stated there already, with more of it
-  add_known(out.bench, *found.mechanism, found.parameters, found.target);
+  add_known(out.bench, as_known(*found.mechanism, found.parameters, found.target));
 }
 
 std::string name_of(const Undecided::Member& member) {

@@ -113,7 +113,7 @@ void Session::make_channels(const MeanNoise& noise) {
   for (const model::ChannelKind& kind : model::channel_kinds()) {
     const std::size_t c = channels_.size();
     auto rows = before.empty() || before[c] ? kind.rows(reduced_, noise) : nullptr;
-    if (rows && c != mean_channel()) rows->append_to_base(doubts_of(*rows, known_));  // the means have theirs
+    if (rows && c != mean_channel()) append_doubts(known_, *rows);  // the means have theirs
     if (!rows && !before.empty()) rows = std::move(before[c]);
     channels_.push_back(std::move(rows));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);

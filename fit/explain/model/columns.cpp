@@ -32,23 +32,40 @@ class Means final : public model::Rows {
 model::Kind kind_here(const model::Rows& rows, const Active& active) {
   model::Kind kind = model::kind_without_channels(*active.mechanism, active.target);
   kind.coefficients = model::coefficients_of(*active.mechanism, [](std::size_t) { return 1; });
-  const auto acts_by = [&](const auto way) {
-    for (Eigen::Index i = 0; i < rows.rows(); ++i) {
+  std::vector<double Effect::*> unseen(model::ways_to_act().begin(), model::ways_to_act().end());
+  for (Eigen::Index i = 0; i < rows.rows() && !unseen.empty(); ++i) {
+    const Effect effect = active.mechanism->act(rows.at(i), active.values);
+    std::erase_if(unseen, [&](const auto way) {
+      if (effect.*way == 0 || !std::isfinite(effect.*way)) return false;
       Effect only;
-      only.*way = active.mechanism->act(rows.at(i), active.values).*way;
-      if (const double change = rows.response(i, only); change != 0 && std::isfinite(change)) return true;
-    }
-    return false;
-  };
-  std::ranges::copy_if(model::ways_to_act(), std::back_inserter(kind.ways), acts_by);
+      only.*way = effect.*way;
+      return rows.response(i, only) != 0;
+    });
+  }
+  std::ranges::copy_if(model::ways_to_act(), std::back_inserter(kind.ways),
+                       [&](const auto way) { return !std::ranges::count(unseen, way); });
   return kind;
 }
 
-/// Its effect there; none where it says nothing.
-double response_to(const model::Rows& rows, Eigen::Index row, const Active& active,
-                   const std::vector<double>& values) {
-  if (active.target >= 0 && active.target != rows.at(row).target) return 0;
-  return rows.response(row, active.mechanism->act(rows.at(row), values));
+/// Its values with one of them half a standard uncertainty smaller and larger.
+std::pair<std::vector<double>, std::vector<double>> around(const Active& active, std::size_t k) {
+  const Parameter& p = active.mechanism->parameters[k];
+  std::vector<double> less = active.values;
+  if (active.mechanism->displaces) std::ranges::fill(less, 0);  // it stands already where it was moved to
+  std::vector<double> more = less;
+  const double value = less[k], u = active.sigma[k];
+  if (p.logarithmic && value > 0) {
+    const double factor = std::exp(u / (2 * value));
+    more[k] *= factor, less[k] /= factor;
+  } else if (value == 0 && p.sign > 0) {  // it may act by its square
+    more[k] = u;
+  } else {
+    more[k] += u / 2, less[k] -= u / 2;
+  }
+  if (p.role == Parameter::Role::shape && p.lower < p.upper)
+    for (double* one : {&less[k], &more[k]})
+      *one = std::clamp(*one, std::min(p.lower, value), std::max(p.upper, value));
+  return {std::move(less), std::move(more)};
 }
 
 Columns with_standard_prior(const Eigen::MatrixXd& columns_mm) {
@@ -126,22 +143,41 @@ TermColumns columns_of(const MeanModel& model, const Active& term) {
   return columns;
 }
 
-Columns doubts_of(const model::Rows& rows, const std::vector<Active>& known) {
+Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& known) {
   Columns all;
   all.columns.resize(rows.rows(), 0);
   for (const Active& active : known) {
-    if (active.mechanism->corrects_a_statement) continue;  // of which the channel of that statement has both
+    const model::Kind kind = model::kind_without_channels(*active.mechanism, active.target);
     for (std::size_t k = 0; k < active.sigma.size(); ++k) {
-      std::vector<double> more = active.values, less = active.values;
-      more[k] += active.sigma[k] / 2;
-      less[k] -= active.sigma[k] / 2;
+      if (!(active.sigma[k] > 0)) continue;
+      const auto [less, more] = around(active, k);
       Eigen::VectorXd column(rows.rows());
       for (Eigen::Index i = 0; i < column.size(); ++i) {
-        const double change = response_to(rows, i, active, more) - response_to(rows, i, active, less);
+        if (active.target >= 0 && active.target != rows.at(i).target) {
+          column[i] = 0;
+          continue;
+        }
+        const double change = rows.response(i, model::effect_at(rows, i, kind, more)) -
+                              rows.response(i, model::effect_at(rows, i, kind, less));
         column[i] = std::isfinite(change) ? change : 0;
       }
-      if (!column.isZero(0)) all.append(with_standard_prior(column));
+      all.append(with_standard_prior(column));
     }
+  }
+  return all;
+}
+
+Columns values_in_doubt(const MeanModel& model, const std::vector<Active>& known) {
+  return values_in_doubt(Means(model), known);
+}
+
+Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
+  std::erase_if(known, [](const Active& active) {
+    // A statement that may be corrected is a nuisance of its channel already.
+    return active.mechanism->parameters.empty() || active.mechanism->corrects_a_statement;
+  });
+  Columns all = values_in_doubt(rows, known);
+  for (const Active& active : known) {
     const model::Kind kind = kind_here(rows, active);
     if (kind.ways.empty()) continue;
     model::Term there;
@@ -152,8 +188,14 @@ Columns doubts_of(const model::Rows& rows, const std::vector<Active>& known) {
   return all;
 }
 
-Columns doubts_of(const MeanModel& model, const std::vector<Active>& known) {
-  return doubts_of(Means(model), known);
+Columns doubts_of(const MeanModel& model, std::vector<Active> known) {
+  return doubts_of(Means(model), std::move(known));
+}
+
+void append_doubts(std::vector<Active> known, model::ChannelRows& rows) {
+  if (rows.sees_only_combs()) return;
+  std::erase_if(known, [&](const Active& active) { return !rows.sees(active.mechanism->coordinate); });
+  rows.append_to_base(doubts_of(rows, std::move(known)));
 }
 
 }  // namespace fit::explain

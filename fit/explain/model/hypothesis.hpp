@@ -23,7 +23,7 @@ struct Hypothesis {
 /// All that the bench knows to be at work, but its constant noise.
 [[nodiscard]] std::vector<Active> known_effects(const Bench& bench);
 
-/// Variance that they add to one sample of the cell, mm^2, beside constant noise and whole millimetres.
+/// Variance that they add to one sample of the cell, mm^2, beside whole millimetres.
 [[nodiscard]] double variance_of_sample(const std::vector<Active>& at_work, const Cell& cell);
 
 /// What a hypothesis holds and what the bench already knows.

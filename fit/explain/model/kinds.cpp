@@ -237,7 +237,7 @@ std::span<double Effect::*const> ways_to_act() {
 
 Kind kind_without_channels(const Mechanism& m, int target) {
   Kind kind;
-  kind.mechanism = shared(m);
+  kind.mechanism = not_owned(m);
   kind.target = target;
   kind.observable = m.observable;
   kind.bins = m.parameter_of(Parameter::Scale::bin);

@@ -16,10 +16,12 @@ namespace {
 
 constexpr int sectors_of_scan = 8;
 
-/// Variance of the common range and angle of some beams over what one noise for all would make: every beam
-/// has its own (a "sandwich": White 1980).
+/// Variances of the range and the angle that some beams have in common, times their weights: every beam has
+/// noise of its own (a "sandwich": White 1980). Where beams on one side are noisier both go together, but the
+/// range does not where it is taken `aside` from the middle of the levers.
 struct OwnNoise {
   double of_range = 0, of_angle = 0;
+  double aside_mm = 0;  ///< Of the lever, mm per rad.
 
   OwnNoise() = default;
   OwnNoise(const Reduced& reduced, const Group& group, std::size_t first_cell, std::size_t last_cell) {
@@ -33,12 +35,29 @@ struct OwnNoise {
       ww += qq, wwv += qq * v, wwvv += qq * v * v;
     }
     if (!(w > 0)) return;
-    const double middle = wv / w, own = wvv - middle * wv;
+    const double middle = wv / w, own = wvv - middle * wv, both = wwv - middle * ww,
+                 about_middle = wwvv - 2 * middle * wwv + middle * middle * ww;
     of_range = std::max(rounding_mm2 / 4, ww / w);
-    if (own > 0)
-      of_angle = std::max(rounding_mm2 / 4, (wwvv - 2 * middle * wwv + middle * middle * ww) / own);
+    if (!(own > 1e-6 * wvv) || !(about_middle > 0)) return;
+    aside_mm = both / about_middle * own / w;
+    of_range = std::max(rounding_mm2 / 4, (ww - both * both / about_middle) / w);
+    of_angle = std::max(rounding_mm2 / 4, about_middle / own);
   }
 };
+
+/// The cells of every part of the scans of a group: those that any of its scans sees.
+std::map<std::pair<int, int>, std::pair<std::size_t, std::size_t>> cells_of_parts(const Reduced& reduced,
+                                                                                  int parts) {
+  std::map<std::pair<int, int>, std::pair<std::size_t, std::size_t>> cells;
+  for (const Sector& s : reduced.sectors) {
+    auto& [first, last] =
+        cells.try_emplace({s.group, s.number * parts / sectors_of_scan}, s.first_cell, s.last_cell)
+            .first->second;
+    first = std::min(first, s.first_cell);
+    last = std::max(last, s.last_cell);
+  }
+  return cells;
+}
 
 constexpr std::size_t most_faces = 8;
 
@@ -135,12 +154,10 @@ void take_off_what_repeats(std::vector<ScanPart>& parts, const Faces& faces) {
 /// Sums of the sectors of one part of one scan.
 struct Part : WeightedSums {
   const Sector* first = nullptr;
-  std::size_t last_cell = 0;
   double since_move_s = 0;
 
   void add_sector(const Sector& s) {
     if (!first) first = &s;
-    last_cell = s.last_cell;
     *this += s;
     since_move_s += s.w * s.since_move_s;
   }
@@ -152,6 +169,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
   const Faces faces = faces_of(reduced);
   std::vector<ScanPart> list;
   std::map<std::tuple<int, int, bool>, int> blocks;
+  const auto cells = cells_of_parts(reduced, parts);
   std::map<std::pair<int, int>, OwnNoise> noises;
   Part part;
   const auto close = [&] {
@@ -161,7 +179,10 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     const int number = s.number * parts / sectors_of_scan;
     const auto [known, is_first] = noises.try_emplace({s.group, number});
     OwnNoise& noise = known->second;
-    if (is_first) noise = OwnNoise(reduced, group, s.first_cell, part.last_cell);
+    if (is_first) {
+      const auto& [first, last] = cells.at({s.group, number});
+      noise = OwnNoise(reduced, group, first, last);
+    }
     if (!(noise.of_range > 0)) return;
     ScanPart one;
     one.group = s.group;
@@ -184,12 +205,15 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
       one.variance_mm2 = variance;
       list.push_back(one);
     };
-    add(false, part.wv / part.w, part.wd / part.w, noise.of_range / part.w);
-    const double own = part.wvv - part.wv * part.wv / part.w;
-    if (!(own > 1e-6 * part.wvv) || !(noise.of_angle > 0)) return;
+    const double middle = part.wv / part.w, own = part.wvv - middle * part.wv;
+    const bool has_angle = own > 1e-6 * part.wvv && noise.of_angle > 0;
+    const double mm_per_rad = has_angle ? (part.wdv - middle * part.wd) / own : 0,
+                 aside = has_angle ? noise.aside_mm : 0;
+    add(false, middle - aside, part.wd / part.w - aside * mm_per_rad, noise.of_range / part.w);
+    if (!has_angle) return;
     // In millimetres at the beams' typical lever, so that both statistics have about the same noise.
     const double lever = std::sqrt(own / part.w);
-    add(true, lever, (part.wdv - part.wv / part.w * part.wd) / own * lever, noise.of_angle / part.w);
+    add(true, lever, mm_per_rad * lever, noise.of_angle / part.w);
   };
   for (const Sector& s : reduced.sectors) {
     const Group& group = reduced.group_of(s);

@@ -7,7 +7,7 @@
 
 namespace fit::explain::reduction {
 
-/// What all at work and the steps of its output do there together.
+/// What all that is at work does there, with the steps of the output.
 [[nodiscard]] Effect effect_there(const Reduced& reduced, const std::vector<Active>& at_work,
                                   const Circumstances& at);
 /// The edges in sight of a group, from where mechanisms at work have the lidar.

@@ -2,6 +2,8 @@
 #include "fit/bench/empirical.hpp"
 
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <string>
 
 #include "fit/bench/radiometer.hpp"
 #include "fit/known_mechanisms.hpp"
@@ -34,6 +36,34 @@ TEST_CASE("what was measured and has no name survives in a bench file and acts")
   CHECK(list[2].mechanism->act(at, {}).log_intensity == 0);
   CHECK(fit::described_merging(again) == 700);
   CHECK(fit::described_strays(again)->range_mm(0.25, 1000) == Approx(300));
+}
+
+TEST_CASE("an empirical function covers its places and what lies between close ones, and no gap") {
+  const fit::EmpiricalFunction few{"stage_deg", "range_mm", "", {-60, 0, 60}, {1, 2, 3}};
+  CHECK(few.covers(-60 - 1e-9));  // the mean of a run of equal places is rounded
+  CHECK(few.covers(0));
+  CHECK_FALSE(few.covers(20));
+  CHECK_FALSE(few.covers(70));
+  CHECK_FALSE(few.covers(std::nan("")));
+  const fit::EmpiricalFunction close{"beam_deg", "range_mm", "", {-10, -8, -6, 6, 10}, {1, 2, 3, 4, 5}};
+  CHECK(close.covers(-7));
+  CHECK_FALSE(close.covers(0));
+}
+
+TEST_CASE("a mechanism of one target must say which, and an empirical function one that is there") {
+  const auto demanded = [](const std::string& more) {
+    fit::demand_catalogued(fit::parse_bench(R"({"schema": "bench/1", "targets": [
+      {"name": "board", "from_mm": [1000, -200], "to_mm": [1000, 200]}], )" +
+                                            more + "}"));
+  };
+  CHECK_THROWS_WITH(
+      demanded(
+          R"("known": [{"mechanism": "target-tilt", "parameters": {"tilt_deg": {"value": 1, "u": 0}}}])"),
+      Catch::Contains("target-tilt is of one target: say of which"));
+  CHECK_THROWS_WITH(
+      demanded(
+          R"("empirical": [{"coordinate": "along_mm", "target": "bord", "at": [0, 1], "range_mm": [1, 2]}])"),
+      Catch::Contains("is of the target \"bord\"") && Catch::Contains("board"));
 }
 
 TEST_CASE("an empirical function that is none is refused with a reason") {

@@ -83,7 +83,7 @@ TEST_CASE("edges are where a lidar far off the stage's axis sees them") {
     REQUIRE(all > 500);
     return wrong / static_cast<double>(all);
   };
-  const std::vector<fit::Active> arm{{fit::shared(*fit::find_mechanism("lidar-arm")), {0, 36}}};
+  const std::vector<fit::Active> arm{{fit::not_owned(*fit::find_mechanism("lidar-arm")), {0, 36}}};
   fit::explain::reduction::share_out_again(reduced, fit::explain::Nuisance(reduced.bench), {});
   CHECK(on_the_wrong_side() > 0.1);
   fit::explain::reduction::share_out_again(reduced, fit::explain::Nuisance(reduced.bench), arm);

@@ -28,7 +28,7 @@ class Knowing final : public fit::Forwarded {
   Knowing(const fit::Recording& of, const std::string& mechanism,
           const std::map<std::string, Estimate>& parameters)
       : Forwarded(of), bench_(of.bench()) {
-    fit::add_known(bench_, *fit::find_mechanism(mechanism), parameters);
+    fit::add_known(bench_, fit::as_known(*fit::find_mechanism(mechanism), parameters));
   }
   const fit::Bench& bench() const override { return bench_; }
 

@@ -171,8 +171,8 @@ TEST_CASE("ranges predicted of a post that stands elsewhere and is thicker are t
   const auto post = static_cast<int>(scene.walls.size());
   fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
   fit::explain::predict(reduced, fit::explain::Nuisance(reduced.bench),
-                        {{fit::shared(*fit::find_mechanism("target-offset")), {out_mm, aside_mm}, post},
-                         {fit::shared(*fit::find_mechanism("target-radius")), {thicker_mm}, post}},
+                        {{fit::not_owned(*fit::find_mechanism("target-offset")), {out_mm, aside_mm}, post},
+                         {fit::not_owned(*fit::find_mechanism("target-radius")), {thicker_mm}, post}},
                         false);
   plain_bench::Post& there = scene.posts.front();
   there.centre += there.centre / std::abs(there.centre) * plain_bench::Point(out_mm, aside_mm);

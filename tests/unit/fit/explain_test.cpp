@@ -257,7 +257,7 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   step.values = {0.2};
   e.unnamed_suspects.push_back({step, {}, {}});
   CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
-  e.suspects.push_back({fit::shared(*fit::find_mechanism("encoder-eccentricity")), {0.01, 60}});
+  e.suspects.push_back({fit::not_owned(*fit::find_mechanism("encoder-eccentricity")), {0.01, 60}});
   const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);
@@ -316,7 +316,7 @@ TEST_CASE("a curve without a name says the same of another recording, and is tol
 
   Explanation e;
   e.unnamed_suspects.push_back(seen);
-  e.suspects.push_back({fit::shared(*fit::find_mechanism("temperature")), {0.2}});
+  e.suspects.push_back({fit::not_owned(*fit::find_mechanism("temperature")), {0.2}});
   const auto next = fit::explain::best_experiment({&recording}, e, {});
   REQUIRE(next);
   CHECK(next->expected > 3);

@@ -458,7 +458,7 @@ TEST_CASE("ranges predicted with a mechanism are those that its equation makes i
     const std::vector<double> values = values_of(mechanism, equation);
     const int target = mechanism.one_target ? 1 : -1;
     fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
-    predict(reduced, as_stated, {{fit::shared(mechanism), values, target}}, false);
+    predict(reduced, as_stated, {{fit::not_owned(mechanism), values, target}}, false);
     double largest_mm = 0;
     int compared = 0;
     for (const fit::explain::Cell& cell : reduced.cells) {

@@ -84,9 +84,19 @@ TEST_CASE(
       recording.add(capture, scans);
     }
     const fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
+    const auto parts = fit::explain::model::scan_parts(reduced, 3, 4);
+    double together = 0, pairs = 0;  // the angle of a part comes after its range
+    for (std::size_t i = 0; i + 1 < parts.size(); ++i)
+      if (!parts[i].of_angle && parts[i + 1].of_angle) {
+        together +=
+            parts[i].mm * parts[i + 1].mm / std::sqrt(parts[i].variance_mm2 * parts[i + 1].variance_mm2);
+        pairs += 1;
+      }
+    REQUIRE(pairs > 7000);
+    CHECK(std::abs(together / pairs) < 0.05);
     for (const bool of_angle : {false, true}) {
       double number = 0, squares = 0, fourths = 0;
-      for (const fit::explain::model::ScanPart& part : fit::explain::model::scan_parts(reduced, 3, 4)) {
+      for (const fit::explain::model::ScanPart& part : parts) {
         if (part.of_angle != of_angle) continue;
         const double square = part.mm * part.mm / part.variance_mm2 / (1 - 1.0 / static_cast<double>(scans));
         number += 1, squares += square, fourths += square * square;
