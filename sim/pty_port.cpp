@@ -2,6 +2,7 @@
 #include "sim/pty_port.hpp"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -16,6 +17,7 @@
 #include <deque>
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 namespace sim {
 
@@ -77,6 +79,16 @@ bool lock(int fd, int command, struct flock& lock) {
   lock.l_type = F_WRLCK;
   lock.l_whence = SEEK_SET;
   return ::fcntl(fd, command, &lock) == 0;
+}
+
+/// Whether the link was made before what it leads to: its own pseudo-terminal is gone, and another program
+/// has been given the number.
+bool is_left_over(const std::string& link) {
+  struct stat own {
+  }, led_to{};
+  if (::lstat(link.c_str(), &own) != 0 || ::stat(link.c_str(), &led_to) != 0) return true;
+  return std::pair(led_to.st_ctim.tv_sec, led_to.st_ctim.tv_nsec) >
+         std::pair(own.st_mtim.tv_sec, own.st_mtim.tv_nsec);
 }
 
 /// Whether a simulator holds the pseudo-terminal there. One that was killed holds nothing any more, and
@@ -174,7 +186,8 @@ void PtyPort::Impl::make_link() {
     throw std::system_error(
         std::make_error_code(std::errc::file_exists),
         "the stage's link " + options.link + " would replace a file: choose another path");
-  if (fs::is_symlink(there) && fs::read_symlink(link, failed) != path && is_held(options.link))
+  if (fs::is_symlink(there) && fs::read_symlink(link, failed) != path && !is_left_over(options.link) &&
+      is_held(options.link))
     throw std::system_error(
         std::make_error_code(std::errc::device_or_resource_busy),
         "the stage's link " + options.link +

@@ -373,9 +373,15 @@ TEST_CASE("a second simulator does not take the first one's link, and takes that
   CHECK(std::filesystem::read_symlink(folder / "stage") == stage);
   first.signal(SIGKILL);
   static_cast<void>(first.exit_status());
+  // Another one gets the number of the pseudo-terminal that is free now: the link that was left leads there.
+  std::vector<std::string> elsewhere = command;
+  elsewhere.back() = folder / "other stage";
+  Program other(elsewhere, folder);
+  REQUIRE(other.line(std::chrono::seconds(30)));
   Program third(command, folder);
   CHECK(third.line(std::chrono::seconds(30)));
-  CHECK(std::filesystem::exists(folder / "stage"));
+  CHECK(std::filesystem::read_symlink(folder / "stage") !=
+        std::filesystem::read_symlink(folder / "other stage"));
 }
 
 TEST_CASE("a procedure can write a report nowhere but beside its session") {
