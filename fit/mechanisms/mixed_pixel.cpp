@@ -27,7 +27,7 @@ Mechanism make_mixed_pixel() {
       even_shape("averaging", 0, 1, 2).generalising()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
     const double mixed_rad = p[0] * p[1] * rad_per_deg;
-    return Effect{.range_mm = p[2] * spread_at_mm(c, mixed_rad),
+    return Effect{.range_mm = p[2] * spread_at_mm(c, p[0] * rad_per_deg),
                   .footprint_rad = mixed_rad,
                   .light_rad = p[0] * rad_per_deg};
   };

@@ -68,7 +68,7 @@ TEST_CASE("a law of noise that is known to a few percent is not exact: what it l
 
 TEST_CASE("angles that are known to scatter from scan to scan scatter by chance in few scans") {
   constexpr double sigma_deg = 0.08;
-  for (const unsigned seed : {1u, 2u, 3u}) {
+  for (const unsigned seed : {1u, 2u}) {
     const auto angle_of_scan = [seed](double time_s) {
       std::seed_seq scan{seed, static_cast<unsigned>(std::lround(time_s * 1000))};
       std::mt19937 random(scan);
