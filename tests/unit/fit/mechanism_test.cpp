@@ -195,9 +195,10 @@ const std::map<std::string, Equation>& equations() {
       {"target-curvature", {{{"sagitta_mm", 3}},
         [](const Beam& x) { return range(3 * (1 - std::pow(x.along / x.half, 2)) / std::cos(x.i)); }}},
 
-      {"mixed-pixel", {{{"width_deg", 0.8}, {"mixing", 0.25}, {"averaging", 0.5}}, [](const Beam& x) {
+      // By all of its light, which is twice as wide as a beam of 0.2 deg: four times as much.
+      {"mixed-pixel", {{{"width_deg", 0.4}, {"mixing", 0.25}, {"averaging", 0.5}}, [](const Beam& x) {
           return fit::Effect{
-              .range_mm = 0.5 * x.spread, .footprint_rad = 0.2 * degree, .light_rad = 0.8 * degree};
+              .range_mm = 0.5 * 4 * x.spread, .footprint_rad = 0.1 * degree, .light_rad = 0.4 * degree};
         }}},
       {"range-noise", {{{"sigma_mm", 4}}, [](const Beam&) { return fit::Effect{.variance_mm2 = 16}; }}},
       {"intensity-noise", {{{"sigma_mm_at_100_counts", 3}, {"exponent", 1}},
