@@ -45,14 +45,16 @@ struct OwnNoise {
   }
 };
 
+/// Which of so many parts of its scan a sector belongs to.
+int part_of(const Sector& sector, int parts) { return sector.number * parts / sectors_of_scan; }
+
 /// The cells of every part of the scans of a group: those that any of its scans sees.
 std::map<std::pair<int, int>, std::pair<std::size_t, std::size_t>> cells_of_parts(const Reduced& reduced,
                                                                                   int parts) {
   std::map<std::pair<int, int>, std::pair<std::size_t, std::size_t>> cells;
   for (const Sector& s : reduced.sectors) {
     auto& [first, last] =
-        cells.try_emplace({s.group, s.number * parts / sectors_of_scan}, s.first_cell, s.last_cell)
-            .first->second;
+        cells.try_emplace({s.group, part_of(s, parts)}, s.first_cell, s.last_cell).first->second;
     first = std::min(first, s.first_cell);
     last = std::max(last, s.last_cell);
   }
@@ -176,7 +178,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     if (!part.first || !(part.w > 0)) return;
     const Sector& s = *part.first;
     const Group& group = reduced.group_of(s);
-    const int number = s.number * parts / sectors_of_scan;
+    const int number = part_of(s, parts);
     const auto [known, is_first] = noises.try_emplace({s.group, number});
     OwnNoise& noise = known->second;
     if (is_first) {
@@ -219,7 +221,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     const Group& group = reduced.group_of(s);
     if (group.scans < fewest_scans) continue;
     const bool goes_on = part.first && part.first->group == s.group && part.first->seq == s.seq &&
-                         part.first->number * parts / sectors_of_scan == s.number * parts / sectors_of_scan;
+                         part_of(*part.first, parts) == part_of(s, parts);
     if (!goes_on) {
       close();
       part = {};
