@@ -171,7 +171,7 @@ Columns values_in_doubt(const MeanModel& model, const std::vector<Active>& known
   return values_in_doubt(Means(model), known);
 }
 
-Columns doubts_of(const model::Rows& rows, std::vector<Active> known, bool with_formulas) {
+Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
   std::erase_if(known, [](const Active& active) {
     // A statement that may be corrected is a nuisance of its channel already.
     return active.mechanism->parameters.empty() || active.mechanism->corrects_a_statement;
@@ -183,21 +183,19 @@ Columns doubts_of(const model::Rows& rows, std::vector<Active> known, bool with_
     model::Term there;
     there.kind = &kind;
     there.values = active.values;
-    const model::Deviations deviations = model::deviations_of(rows, there);
-    const Eigen::Index first = with_formulas ? 0 : deviations.of_formula;
-    all.append(with_standard_prior(deviations.columns.rightCols(deviations.columns.cols() - first)));
+    all.append(with_standard_prior(model::deviations_of(rows, there).columns));
   }
   return all;
 }
 
 Columns doubts_of(const MeanModel& model, std::vector<Active> known) {
-  return doubts_of(Means(model), std::move(known), true);
+  return doubts_of(Means(model), std::move(known));
 }
 
 void append_doubts(std::vector<Active> known, model::ChannelRows& rows) {
   if (rows.sees_only_combs()) return;
   std::erase_if(known, [&](const Active& active) { return !rows.sees(active.mechanism->coordinate); });
-  rows.append_to_base(doubts_of(rows, std::move(known), false));
+  rows.append_to_base(doubts_of(rows, std::move(known)));
 }
 
 }  // namespace fit::explain

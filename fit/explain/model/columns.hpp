@@ -49,9 +49,8 @@ struct TermColumns {
 /// uncertainty of each.
 [[nodiscard]] Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& known);
 [[nodiscard]] Columns values_in_doubt(const MeanModel& model, const std::vector<Active>& known);
-/// The same, and columns of what scans draw by chance and, if wanted, of how real causes deviate from
-/// formulas.
-[[nodiscard]] Columns doubts_of(const model::Rows& rows, std::vector<Active> known, bool with_formulas);
+/// The same, and columns of how real causes deviate from formulas.
+[[nodiscard]] Columns doubts_of(const model::Rows& rows, std::vector<Active> known);
 [[nodiscard]] Columns doubts_of(const MeanModel& model, std::vector<Active> known);
 /// Makes nuisances of a channel of them, as far as it sees what they depend on.
 void append_doubts(std::vector<Active> known, model::ChannelRows& rows);

@@ -68,7 +68,8 @@ double WidthLikelihood::score(double variance_deg2) const {
 
 double WidthLikelihood::information(double variance_deg2) const {
   constexpr double hardly_any = 1e-4;
-  const double v = std::max(hard_deg2, variance_deg2);
+  if (variance_deg2 < hard_deg2) return hardly_any / (hard_deg2 * hard_deg2);  // less than none is none
+  const double v = variance_deg2;
   const std::size_t k = std::clamp<std::size_t>(place_among_knots(v).knot, 1, knots - 3);
   // Over three knots: a profile is a little uneven.
   const double curvature =

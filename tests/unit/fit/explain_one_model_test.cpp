@@ -108,6 +108,11 @@ TEST_CASE("one model: the score of a width is the slope of its likelihood, which
     CHECK(width.information(at) > 0);
   }
   CHECK(std::sqrt(width.best_deg2()) == Approx(0.2).epsilon(0.1));
+  // Less than no width is none, whatever a sum of terms comes to: flat, and no bend.
+  constexpr double hard = fit::explain::model::WidthLikelihood::hard_deg2;
+  CHECK(width.log_likelihood(hard / 2) == width.log_likelihood(hard));
+  CHECK(width.score(hard / 2) == 0);
+  CHECK(width.information(hard / 2) < 1e-3 * width.information(hard));
 }
 
 TEST_CASE("one model: nothing is missing where nothing is") {
