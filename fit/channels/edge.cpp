@@ -45,6 +45,9 @@ class Edges final : public model::WidthRows {
     const auto times = times_.find(capture(row));
     return times == times_.end() ? std::span<const double>() : times->second;
   }
+  [[nodiscard]] double offset(Index row) const override {
+    return WidthRows::offset(row) + list_[static_cast<std::size_t>(row)].scattered_deg2;
+  }
   [[nodiscard]] double response(Index, const Effect& effect) const override {
     return (effect.footprint_rad * effect.footprint_rad + effect.scan_angle_variance_rad2 +
             effect.beam_angle_variance_rad2) *

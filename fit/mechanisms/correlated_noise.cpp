@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
+
 #include "fit/mechanism.hpp"
 
 namespace fit::mechanisms {
@@ -13,7 +15,8 @@ Mechanism make_correlated_noise() {
   m.parameters = {even_shape("rho", 0.05, 0.98, 8),
                   {.name = "share", .typical = 0.2, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
-    return Effect{.memory_rho = p[0], .memory_share = p[1]};
+    constexpr double most = 0.99;  // what never fades would be an offset
+    return Effect{.memory_rho = std::min(most, p[0]), .memory_share = p[1]};
   };
   m.says = [](const Finding& f) {
     return "The noise remembers: " + rounded(100 * f.at("share").value, 2) +

@@ -136,6 +136,7 @@ struct Beams {
   std::map<double, Beside> list;
   std::map<double, Light> light;
   int capture = 0;
+  double samples = 0, scattered_deg2 = 0;
 
   void add(const Cell& cell, double sigma_mm, const Mount& mount) {
     if (list.empty() || std::abs(cell.at.edge_rad) < std::abs(at.edge_rad)) at = cell.at;
@@ -145,6 +146,8 @@ struct Beams {
     take(beside.inside_deg, cell.at.edge_rad * deg_per_rad);
     take(beside.far_share, share_of(cell, sigma_mm));
     beside.n = all;
+    samples += n;
+    scattered_deg2 += (cell.aside_rad2 * deg_per_rad * deg_per_rad - scattered_deg2) * n / samples;
     beside.on_neither += cell.between;
     beside.target = cell.sight.target;
     light[cell.beam_rad].add(cell, mount);
@@ -185,7 +188,7 @@ std::vector<Transition> transitions(const Reduced& reduced) {
     std::vector<Beside> list = beams.counted();
     const auto [least, most] = std::ranges::minmax(list, {}, &Beside::far_share);
     if (least.far_share < 0.5 && most.far_share > 0.5)
-      all.push_back({beams.capture, key.second, beams.at, std::move(list)});
+      all.push_back({beams.capture, key.second, beams.at, std::move(list), beams.scattered_deg2});
   }
   return all;
 }

@@ -19,6 +19,7 @@ struct Transition {
   int edge = 0;  ///< Its id (scene.hpp).
   Circumstances at;
   std::vector<Beside> beams;
+  double scattered_deg2 = 0;  ///< Mean square of how far samples' angles lie beside their beam's.
 
   /// By the shares of the farther surface: the standard deviation of the beams' angles.
   [[nodiscard]] WidthLikelihood width() const;

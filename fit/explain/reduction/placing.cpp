@@ -41,7 +41,8 @@ void judge_place(const Bench& bench, const Setting& setting, const Beams& beams,
   const double half_rad = half_width_rad(cell), sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
   const bool near_corner =
       setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway, half_rad);
-  const double from_edge = std::abs(c.edge_rad) - samples.spacing_rad / 2 - half_rad;
+  const double half_column_rad = samples.grid ? samples.grid->spacing_rad() / 2 : 0,
+               from_edge = std::abs(c.edge_rad) - half_column_rad - half_rad;
   const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad(bench.target_at(cell.sight.target));
   cell.smooth = !near_edge && !near_corner && !slanted;

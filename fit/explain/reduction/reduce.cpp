@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -83,7 +84,9 @@ class Reducer {
         ++out_.repeated;
         return;
       }
-      if (columns.beam_rad.empty()) columns = columns_for(scan, info, out_.bench.lidar);
+      if (scan.geometry && !through_rad_) through_rad_ = scan.geometry->first_rad;
+      if (columns.beam_rad.empty())
+        columns = columns_for(scan, info, out_.bench.lidar, through_rad_.value_or(0));
       if (block.scans == 0) block = columns;
       if (!block.add(scan, info, turns_)) return;
       if (block.scans < most_scans) return;
@@ -164,6 +167,7 @@ class Reducer {
   bool keep_samples_;
   TurnCounter turns_;
   RepeatedScans again_;
+  std::optional<double> through_rad_;  // a beam of the recording's first scan: the same columns throughout
 };
 
 /// Where a recording holds no intensities, what follows the echo is compared with the one that reflectance,

@@ -54,6 +54,8 @@ struct Cell {
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
   /// What changes from scan to scan and is predicted: its mean over the scans, mm, and its variance, mm^2.
   double of_scans_mm = 0, of_scans_mm2 = 0;
+  /// Of scans with their own geometry: mean square of how far beams lie beside `beam_rad`.
+  double aside_rad2 = 0;
   /// Of several beams taken together: standard deviation of their angles, and d range / d angle (mm per rad)
   /// by which they were brought to their middle.
   double joined_rad = 0, joined_lever_mm = 0;

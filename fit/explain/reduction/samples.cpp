@@ -25,12 +25,12 @@ double turn_time(const ScanGeometry& geometry, std::size_t ranges, const LidarGe
   return 1 / lidar.scan_hz;
 }
 
-Samples columns_by_angle(const ScanGeometry& geometry, double turn_s) {
+Samples columns_by_angle(const ScanGeometry& geometry, double turn_s, double through_rad) {
   Samples columns;
-  columns.beams = std::clamp(static_cast<int>(std::lround(2 * pi / std::abs(geometry.step_rad))), 1, 20000);
-  columns.spacing_rad = 2 * pi / columns.beams;
-  for (int k = 0; k < columns.beams; ++k) {
-    columns.beam_rad.push_back((k + 0.5) * columns.spacing_rad - pi);
+  columns.grid.emplace(through_rad, geometry.step_rad);
+  columns.beams = static_cast<int>(columns.grid->count());
+  for (std::size_t k = 0; k < columns.grid->count(); ++k) {
+    columns.beam_rad.push_back(columns.grid->middle_rad(k));
     const double since_first = std::fmod(columns.beam_rad.back() - geometry.first_rad + 4 * pi, 2 * pi);
     columns.beam_s.push_back(since_first / (2 * pi) * turn_s);
   }
@@ -39,9 +39,11 @@ Samples columns_by_angle(const ScanGeometry& geometry, double turn_s) {
 
 }  // namespace
 
-Samples columns_for(const ScanView& scan, const CaptureInfo& capture, const LidarGeometry& lidar) {
+Samples columns_for(const ScanView& scan, const CaptureInfo& capture, const LidarGeometry& lidar,
+                    double through_rad) {
   if (!scan.geometry) return columns_by_step(capture, lidar);
-  return columns_by_angle(*scan.geometry, turn_time(*scan.geometry, scan.range_mm.size(), lidar));
+  return columns_by_angle(*scan.geometry, turn_time(*scan.geometry, scan.range_mm.size(), lidar),
+                          through_rad);
 }
 
 bool Samples::add(const ScanView& scan, const CaptureInfo& capture, TurnCounter& turns) {
@@ -62,7 +64,7 @@ void Samples::do_not_look(double from_rad, double to_rad) {
 }
 
 bool Samples::add_by_step(const ScanView& scan) {
-  if (beams <= 0 || spacing_rad > 0 || static_cast<int>(scan.range_mm.size()) < beams) return false;
+  if (beams <= 0 || grid || static_cast<int>(scan.range_mm.size()) < beams) return false;
   range.insert(range.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams);
   raw.insert(raw.end(), scan.range_mm.begin(), scan.range_mm.begin() + beams);
   if (static_cast<int>(scan.intensity.size()) >= beams)
@@ -72,18 +74,16 @@ bool Samples::add_by_step(const ScanView& scan) {
 
 /// Every beam goes to the column that its own angle falls into; of two in one, the nearer to the middle.
 bool Samples::add_by_angle(const ScanView& scan) {
-  if (beams <= 0 || !(spacing_rad > 0)) return false;
+  if (beams <= 0 || !grid) return false;
   const std::size_t first = range.size(), more = static_cast<std::size_t>(beams);
   range.resize(first + more, not_looked);
   aside_rad.resize(first + more, static_cast<float>(pi));
   const bool lit = scan.intensity.size() == scan.range_mm.size() && !scan.intensity.empty();
   if (lit) intensity.resize(first + more, 0.0F);
   for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-    const double angle =
-        wrap_angle(scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad);
-    const auto column =
-        static_cast<std::size_t>(std::clamp(static_cast<int>((angle + pi) / spacing_rad), 0, beams - 1));
-    const auto aside = static_cast<float>(angle - beam_rad[column]);
+    const double angle = scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad;
+    const std::size_t column = grid->column_of(angle);
+    const auto aside = static_cast<float>(wrap_angle(angle - beam_rad[column]));
     raw.push_back(scan.range_mm[k]);
     if (std::abs(aside) >= std::abs(aside_rad[first + column])) continue;
     aside_rad[first + column] = aside;

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "fit/explain/reduction/turn_counter.hpp"
+#include "fit/explain/scene/angle_grid.hpp"
 #include "fit/explain/scene/scene.hpp"
 
 namespace fit::explain::reduction {
@@ -26,7 +28,7 @@ struct Samples {
   std::vector<float> aside_rad;          ///< From the column's middle; empty when all beams lie there.
   std::vector<std::uint16_t> raw;        ///< Ranges as they came.
   std::vector<double> beam_rad, beam_s;  ///< Of the columns.
-  double spacing_rad = 0;  ///< Of the columns, where scans have their own geometry; 0: one for each beam.
+  std::optional<AngleGrid> grid;         ///< Of the columns, where scans have their own geometry.
   std::vector<double> since_start_s;
   std::vector<std::int64_t> seq, turn;
 
@@ -45,9 +47,10 @@ struct Samples {
   bool add_by_angle(const ScanView& scan);
 };
 
-/// Columns for scans like this one, without scans.
+/// Columns for scans like this one, without scans; where these have their own geometry, one column has its
+/// middle there.
 [[nodiscard]] Samples columns_for(const ScanView& scan, const CaptureInfo& capture,
-                                  const LidarGeometry& lidar);
+                                  const LidarGeometry& lidar, double through_rad);
 
 /// Ranges are brought to the middle of their column, by how the range changes along the target there.
 void bring_to_middle(Samples& samples, const Scene& scene, double stage_rad);

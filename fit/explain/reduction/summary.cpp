@@ -16,6 +16,7 @@ struct Returned {
   int looked = 0, lost = 0;
   int lit = 0;  ///< With an intensity.
   double intensity = 0, intensity_squares = 0;
+  double aside_squares_rad2 = 0;
 };
 
 Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beams) {
@@ -38,6 +39,7 @@ Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beam
         continue;
       }
       all.ranges_mm.push_back(range - aside_mm(beam));
+      if (samples.grid) all.aside_squares_rad2 += std::pow(samples.aside_rad[samples.index(scan, beam)], 2);
       if (samples.intensity.empty()) continue;
       const double counts = samples.intensity[samples.index(scan, beam)];
       all.intensity += counts;
@@ -200,6 +202,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     cell.smooth = cell.doubtful = false;
     return;
   }
+  cell.aside_rad2 = all.aside_squares_rad2 / static_cast<double>(all.ranges_mm.size());
   const bool in_clear = cell.smooth && !cell.doubtful;
   note_place_at_edge(all.ranges_mm, sigma_mm, cell, session);
   const Core core = core_of(all.ranges_mm);

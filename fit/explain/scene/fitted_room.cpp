@@ -184,31 +184,24 @@ void FittedRoom::walk(const Standstill& standstill, const std::function<void(con
   });
 }
 
-std::vector<std::vector<float>> FittedRoom::ranges_of(const Standstill& standstill) const {
+FittedRoom::Ranges FittedRoom::ranges_of(const Standstill& standstill) const {
   const CaptureInfo& info = own_.captures()[standstill.capture];
-  std::vector<std::vector<float>> ranges;
-  double spacing = bench_.lidar.step_rad * info.cluster;
+  std::optional<Ranges> ranges;
   walk(standstill, [&](const ScanView& scan) {
-    if (ranges.empty()) {
-      if (scan.geometry) spacing = std::abs(scan.geometry->step_rad);
-      ranges.resize(static_cast<std::size_t>(std::clamp(std::lround(2 * pi / spacing), 8L, 20000L)));
-      spacing = 2 * pi / static_cast<double>(ranges.size());
-    }
-    for (std::size_t k = 0; k < scan.range_mm.size(); ++k) {
-      const double angle = scan.geometry
-                               ? scan.geometry->first_rad + static_cast<double>(k) * scan.geometry->step_rad
-                               : bench_.lidar.beam_angle(info.step_of(static_cast<int>(k)));
-      const auto at = static_cast<std::size_t>((wrap_angle(angle) + pi) / spacing) % ranges.size();
-      if (scan.range_mm[k] >= 22) ranges[at].push_back(scan.range_mm[k]);
-    }
+    const BeamAngles angles(bench_.lidar, info, scan.geometry);
+    if (!ranges) ranges.emplace(AngleGrid(angles.first_rad(), angles.step_rad()));
+    for (std::size_t k = 0; k < scan.range_mm.size(); ++k)
+      if (scan.range_mm[k] >= 22)
+        ranges->list[ranges->grid.column_of(angles.at_rad(k))].push_back(scan.range_mm[k]);
   });
-  return ranges;
+  return ranges.value_or(Ranges(AngleGrid(0, 2 * pi)));
 }
 
 std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
   const CaptureInfo& info = own_.captures()[standstill.capture];
   const Mount& mount = bench_.lidar.mount;
-  const std::vector<std::vector<float>> ranges = ranges_of(standstill);
+  const Ranges seen = ranges_of(standstill);
+  const std::vector<std::vector<float>>& ranges = seen.list;
   const auto is_seen = [&](std::size_t direction) {
     return static_cast<int>(ranges[direction].size()) * 2 >= standstill.scans;
   };
@@ -225,7 +218,6 @@ std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
   // Twice around from a gap, so that a wall where the circle is cut is seen whole once.
   std::size_t gap = 0;
   while (gap < ranges.size() && is_seen(gap)) ++gap;
-  const double spacing = 2 * pi / static_cast<double>(ranges.size());
   for (std::size_t step = 0; step < ranges.size(); ++step) {
     const std::size_t i = (gap + step) % ranges.size();
     if (!is_seen(i)) {
@@ -238,8 +230,7 @@ std::vector<Target> FittedRoom::walls_of(const Standstill& standstill) const {
       finish();
       continue;
     }
-    const double bearing =
-        info.stage_rad + mount.yaw_rad.value + (static_cast<double>(i) + 0.5) * spacing - pi;
+    const double bearing = info.stage_rad + mount.yaw_rad.value + seen.grid.middle_rad(i);
     if (!points.empty() && std::abs(*range - before) > jump_share * *range + 20) finish();
     points.emplace_back(origin + *range * Eigen::Vector2d(std::cos(bearing), std::sin(bearing)));
     before = *range;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "fit/explain/scene/angle_grid.hpp"
 #include "fit/recording.hpp"
 
 namespace fit::explain {
@@ -42,7 +43,12 @@ class FittedRoom : public Recording {
   };
   [[nodiscard]] std::vector<Standstill> standstills() const;
   /// By direction, all round.
-  [[nodiscard]] std::vector<std::vector<float>> ranges_of(const Standstill& standstill) const;
+  struct Ranges {
+    explicit Ranges(const AngleGrid& of) : grid(of), list(of.count()) {}
+    AngleGrid grid;
+    std::vector<std::vector<float>> list;
+  };
+  [[nodiscard]] Ranges ranges_of(const Standstill& standstill) const;
   [[nodiscard]] std::vector<Target> walls_of(const Standstill& standstill) const;
   void walk(const Standstill& standstill, const std::function<void(const ScanView&)>& visit) const;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <string>
 
@@ -64,6 +65,43 @@ TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") 
   REQUIRE(angles);
   CHECK(angles->parameters.at("sigma_deg").value == Approx(0.15).epsilon(0.15));
   CHECK_FALSE(found(e, "mixed-pixel"));
+}
+
+/// Every scan states where its own beams begin, exactly.
+class OwnBeginnings final : public fit::Forwarded {
+ public:
+  OwnBeginnings(const fit::Recording& of, const PlainScene& scene, const plain_bench::Conceal& off)
+      : Forwarded(of), scene_(scene), off_(off) {}
+  void for_each_scan(std::size_t index,
+                     const std::function<void(const fit::ScanView&)>& visit) const override {
+    const double start_s = captures()[index].since_power_on_s.value_or(0);
+    Forwarded::for_each_scan(index, [&](fit::ScanView scan) {
+      const double off_rad = off_(0, 0, start_s + 0.025 * static_cast<double>(scan.seq)).beam_rad;
+      scan.geometry = fit::ScanGeometry{
+          off_rad - scene_.front_step * scene_.step_deg * degree, scene_.step_deg * degree, {}};
+      visit(scan);
+    });
+  }
+
+ private:
+  PlainScene scene_;
+  plain_bench::Conceal off_;
+};
+
+TEST_CASE("scans that begin each at an angle of its own, and say so, are no wide beam") {
+  const double reach_deg = GENERATE(0.002, 0.2);
+  const PlainScene scene{plain_bench::furnished};
+  const plain_bench::Conceal begins = [reach_deg](double, double, double time_s) {
+    std::mt19937 of_scan(static_cast<unsigned>(std::lround(time_s * 40)));
+    return Deviation{.beam_rad =
+                         std::uniform_real_distribution<double>(-reach_deg, reach_deg)(of_scan) * degree};
+  };
+  SyntheticRecording recording = plain_bench::recorded(scene, 11, begins);
+  plain_bench::turn_round(recording, scene, 8, 30);
+  const OwnBeginnings stated(recording, scene, begins);
+  const Explanation e = fit::explain::explain({&stated}, {});
+  INFO(reach_deg << " deg: " << to_text(e));
+  CHECK(e.verdict == "nothing-missing");
 }
 
 TEST_CASE("edges are where a lidar far off the stage's axis sees them") {
