@@ -128,9 +128,8 @@ std::string note_on_scans(const Reduced& reduced) {
            " beside " + std::to_string(reduced.scans) + ". Each counts once. ";
   if (reduced.broken > 0)
     text += rounded(100.0 * reduced.broken / reduced.scans, 2) +
-            " % of the scans break off or set in late: nothing came back there at once, where others have "
-            "echoes. "
-            "These parts were left out. ";
+            " % of the scans have gaps: nothing came back from many beams side by side, where others have "
+            "echoes. These parts were left out. ";
   if (!text.empty()) text += "Look at the driver, the network and the load of the computer.";
   return text;
 }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 namespace fit::explain::reduction {
@@ -36,37 +35,38 @@ bool RepeatedScans::is_again(const ScanView& scan) {
 
 namespace {
 
-/// Beams at one end of a scan.
-struct End {
-  int scan = 0, first = 0, step = 1, beams = 0;
+/// Neighbouring beams of one scan from which nothing came back.
+struct Gap {
+  int scan = 0, first = 0, end = 0;
 };
 
-/// Where nothing came back from there on, though so much was lost by no chance; none where nothing at all
-/// did.
-std::optional<End> break_at(const Samples& samples, const std::vector<double>& surprise, int scan, int first,
-                            int step) {
-  End end{scan, first, step, 0};
-  double sum = 0;
-  for (int beam = first; !is_echo(samples.at(scan, beam)); beam += step) {
-    if (++end.beams == samples.beams) return {};
-    if (samples.at(scan, beam) >= 0) sum += surprise[static_cast<std::size_t>(beam)];
+/// Those of a scan where so much was lost by no chance; none where nothing at all came back.
+std::vector<Gap> gaps_of(const Samples& samples, const std::vector<double>& surprise, int scan) {
+  std::vector<Gap> gaps;
+  for (int first = 0; first < samples.beams; ++first) {
+    Gap gap{scan, first, first};
+    double sum = 0;
+    for (; gap.end < samples.beams && !is_echo(samples.at(scan, gap.end)); ++gap.end)
+      if (samples.at(scan, gap.end) >= 0) sum += surprise[static_cast<std::size_t>(gap.end)];
+    if (sum >= impossible && gap.end - gap.first < samples.beams) gaps.push_back(gap);
+    first = gap.end;
   }
-  if (sum < impossible) return {};
-  return end;
+  return gaps;
 }
 
 /// Whether scans, one after the other, end at the same beam: a driver that was stopped or changed does that,
 /// and nothing that stands before the lidar, which has no such edge.
-bool is_one_cut(const std::vector<End>& breaks) {
-  const End &first = breaks.front(), &last = breaks.back();
-  return std::cmp_equal(last.scan - first.scan + 1, breaks.size()) &&
+bool is_one_cut(const std::vector<Gap>& gaps, int beams) {
+  const Gap &first = gaps.front(), &last = gaps.back();
+  return (first.first == 0 || first.end == beams) &&
+         std::cmp_equal(last.scan - first.scan + 1, gaps.size()) &&
          std::ranges::all_of(
-             breaks, [&](const End& end) { return end.first == first.first && end.beams == first.beams; });
+             gaps, [&](const Gap& gap) { return gap.first == first.first && gap.end == first.end; });
 }
 
 }  // namespace
 
-int do_not_look_beyond_breaks(Samples& samples) {
+int do_not_look_at_gaps(Samples& samples) {
   constexpr int fewest_scans = 5;
   constexpr double rarely = 0.2;  // of the scans: what happens more often is something before the lidar
   if (samples.scans < fewest_scans || samples.beams == 0) return 0;
@@ -79,15 +79,18 @@ int do_not_look_beyond_breaks(Samples& samples) {
     }
     surprise.push_back(std::log((looks + 1) / (looks + 1 - echoes)));
   }
-  std::vector<End> breaks;
-  for (int scan = 0; scan < samples.scans; ++scan)
-    for (const auto& [first, step] : {std::pair(0, 1), std::pair(samples.beams - 1, -1)})
-      if (const auto end = break_at(samples, surprise, scan, first, step)) breaks.push_back(*end);
-  if (static_cast<double>(breaks.size()) > rarely * samples.scans && !is_one_cut(breaks)) return 0;
-  for (const End& end : breaks)
-    for (int k = 0; k < end.beams; ++k)
-      samples.range[samples.index(end.scan, end.first + k * end.step)] = not_looked;
-  return static_cast<int>(breaks.size());
+  std::vector<Gap> gaps;
+  int broken = 0;
+  for (int scan = 0; scan < samples.scans; ++scan) {
+    const std::vector<Gap> own = gaps_of(samples, surprise, scan);
+    gaps.insert(gaps.end(), own.begin(), own.end());
+    broken += !own.empty();
+  }
+  if (broken > rarely * samples.scans && !is_one_cut(gaps, samples.beams)) return 0;
+  for (const Gap& gap : gaps)
+    for (int beam = gap.first; beam < gap.end; ++beam)
+      samples.range[samples.index(gap.scan, beam)] = not_looked;
+  return broken;
 }
 
 }  // namespace fit::explain::reduction

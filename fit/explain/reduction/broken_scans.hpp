@@ -22,10 +22,10 @@ class RepeatedScans {
   double alike_ = 0, compared_ = 0;                  ///< Beams of scans that were not the same.
 };
 
-/// As if no beam had looked where a scan breaks off or sets in late: where nothing at all came back, though
-/// the other scans have echoes there. Losses of echoes are not so many at once; what happens to more than a
-/// fifth of the scans is something else, unless they end at the same beam, one after the other. Returns how
-/// often.
-int do_not_look_beyond_breaks(Samples& samples);
+/// As if no beam had looked where a part of a scan is missing: a packet, or all from some beam on. Nothing at
+/// all came back there, though the other scans have echoes. Losses of echoes are not so many side by side;
+/// what happens to more than a fifth of the scans is something else, unless they end at the same beam, one
+/// after the other. Returns how many scans have gaps.
+int do_not_look_at_gaps(Samples& samples);
 
 }  // namespace fit::explain::reduction

@@ -100,7 +100,7 @@ class Reducer {
   void reduce_block(Samples& block, std::size_t capture) {
     Group group = group_of(block, capture);
     out_.scans += block.scans;
-    out_.broken += do_not_look_beyond_breaks(block);
+    out_.broken += do_not_look_at_gaps(block);
     const Scene scene = out_.scene_of(group, as_stated_);
     bring_to_middle(block, scene, group.stage_rad);
     if (const auto hidden = standing_.hidden.find(group.capture); hidden != standing_.hidden.end())

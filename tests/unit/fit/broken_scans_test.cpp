@@ -64,13 +64,13 @@ TEST_CASE("scans of a lidar without noise are as good as each other") {
 
 TEST_CASE("a capture whose later scans all end at one beam was cut there") {
   Samples cut = samples_of(20, [](int scan, int beam) { return scan < 10 || beam < 120; });
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(cut) == 10);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(cut) == 10);
   CHECK(cut.at(10, 120) < 0);
   CHECK(cut.at(9, 120) > 0);
   CHECK(cut.at(10, 119) > 0);
   // Someone who stands there has edges that noise moves by a beam.
   Samples hidden = samples_of(20, [](int scan, int beam) { return scan < 10 || beam < 120 + scan % 2; });
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(hidden) == 0);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(hidden) == 0);
 }
 
 TEST_CASE("a scan that breaks off now and then is as not looked at, and what often loses an end is not") {
@@ -78,17 +78,24 @@ TEST_CASE("a scan that breaks off now and then is as not looked at, and what oft
     return samples_of(30, [=](int s, int beam) { return beam < 120 || s % every != scan; });
   };
   Samples rare = lost_at_end(2, 15), often = lost_at_end(1, 2);
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(rare) == 2);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(rare) == 2);
   CHECK(rare.at(2, 150) == fit::explain::reduction::not_looked);
   CHECK(rare.at(3, 150) == 1500);
   CHECK(rare.at(2, 119) == 1500);
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(often) == 0);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(often) == 0);
   CHECK(often.at(1, 150) == 0);
+  // A packet that is missing lies anywhere.
+  Samples packet = samples_of(30, [](int s, int beam) { return s != 4 || beam < 80 || beam >= 112; });
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(packet) == 1);
+  CHECK(packet.at(4, 79) == 1500);
+  CHECK(packet.at(4, 80) == fit::explain::reduction::not_looked);
+  CHECK(packet.at(4, 111) == fit::explain::reduction::not_looked);
+  CHECK(packet.at(4, 112) == 1500);
   // Blind scans, and beams that never see anything, are none.
   Samples blind = samples_of(30, [](int s, int) { return s != 7; }),
           open = samples_of(30, [](int, int beam) { return beam < 120; });
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(blind) == 0);
-  CHECK(fit::explain::reduction::do_not_look_beyond_breaks(open) == 0);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(blind) == 0);
+  CHECK(fit::explain::reduction::do_not_look_at_gaps(open) == 0);
 }
 
 }  // namespace broken_scans_test

@@ -298,7 +298,7 @@ TEST_CASE("scans that come twice, or break off, are told, and are neither noise 
       explained({.beams_of = [](std::int64_t seq) { return seq % 17 == 5 ? 180 : 1000; }}, 40);
   INFO(to_text(broken));
   CHECK(broken.verdict == fit::explain::nothing_missing);
-  CHECK_THAT(to_text(broken), Catch::Contains("of the scans break off"));
+  CHECK_THAT(to_text(broken), Catch::Contains("of the scans have gaps"));
 }
 
 TEST_CASE("a stage whose zero drifts is told as that, on whatever grid of stops") {
