@@ -188,7 +188,10 @@ double weight_in_scan(const Reduced& reduced, const Group& group, std::size_t i)
   return std::clamp(group.sigma_mm * group.sigma_mm / usual, 0.01, 4.0);
 }
 
-bool is_informative(const Cell& cell) { return cell.smooth && cell.stray == 0; }
+bool is_informative(const Cell& cell) {
+  constexpr int hardly_any = 20;  // of so many samples one may be lost: else means are of other scans
+  return cell.smooth && cell.stray == 0 && hardly_any * cell.lost <= cell.n;
+}
 
 void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                      Reduced& session) {
