@@ -121,7 +121,7 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, Withou
   std::vector<Member> rivals;
   if (std::ranges::none_of(catalogue(), may_be)) return rivals;
   const Fitted& without = without_each(term.kind);
-  for (const Candidate& candidate : screen(session, without, term.kind)) {
+  for (const Candidate& candidate : screen(session, without, term.kind, true)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
         !may_be(*candidate.term.kind->mechanism))
       continue;

@@ -313,18 +313,21 @@ class Question : Approximation {
 
 }  // namespace
 
-std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but) {
-  return screen(session, fitted, raised(session, fitted.design, fitted.optimum), but);
+std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but,
+                              bool at_other_places) {
+  return screen(session, fitted, raised(session, fitted.design, fitted.optimum), but, at_other_places);
 }
 
 std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Optimum& around,
-                              const Kind* but) {
+                              const Kind* but, bool at_other_places) {
+  const auto is_there = [&](const Kind& kind) {
+    if (at_other_places && kind.mechanism->parameter_of(Parameter::Scale::width)) return false;
+    return std::ranges::any_of(fitted.hypothesis.terms,
+                               [&](const Term& term) { return term.kind->is_same_cause(kind); });
+  };
   std::vector<const Kind*> asked;
   for (const Kind& kind : session.kinds())
-    if (&kind != but && std::ranges::none_of(fitted.hypothesis.terms, [&](const Term& term) {
-          return term.kind->is_same_cause(kind);
-        }))
-      asked.push_back(&kind);
+    if (&kind != but && !is_there(kind)) asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
   std::vector<Question> questions;
   for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);

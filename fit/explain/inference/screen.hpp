@@ -16,11 +16,13 @@ struct Candidate {
   [[nodiscard]] double log_posterior() const { return log_evidence + term.kind->log_prior; }
 };
 
-/// Every kind that is not in the hypothesis, nor `but`; the most probable first.
+/// Every kind that is not in the hypothesis, nor `but`; the most probable first. `at_other_places`: also
+/// those in it that are local, and may be so twice.
 [[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
-                                            const Kind* but = nullptr);
+                                            const Kind* but = nullptr, bool at_other_places = false);
 /// The same with the fitted likelihood raised before.
 [[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
-                                            const Optimum& around, const Kind* but);
+                                            const Optimum& around, const Kind* but,
+                                            bool at_other_places = false);
 
 }  // namespace fit::explain::inference

@@ -140,9 +140,9 @@ void leave_out_unmet_targets(Reduced& reduced) {
   };
   std::map<int, Beams> of_target;
   for (const Cell& cell : reduced.cells) {
-    if (cell.n == 0) continue;
+    if (is_hidden(cell)) continue;
     Beams& beams = of_target[cell.at.target];
-    ++(is_near(cell) ? beams.near : beams.elsewhere);
+    ++(cell.n > 0 && is_near(cell) ? beams.near : beams.elsewhere);
   }
   for (const auto& [target, beams] : of_target)
     if (beams.elsewhere >= fewest && few * beams.near < beams.near + beams.elsewhere)
