@@ -208,6 +208,17 @@ std::vector<std::string> names_of_bench_file(const Term& term) {
   return names;
 }
 
+bool is_same(const Member& a, const Member& b) {
+  return a.kind && b.kind ? a.kind->is_same_cause(*b.kind) : a.kind == b.kind;
+}
+
+/// Whether both are open between the same causes, as of what is local and there twice.
+bool is_same_question(const Undecided& a, const Undecided& b) {
+  return a.members.size() == b.members.size() && std::ranges::all_of(a.members, [&](const Member& one) {
+           return std::ranges::any_of(b.members, [&](const Member& other) { return is_same(one, other); });
+         });
+}
+
 /// They have a part of what the set holds.
 void join(const std::vector<Member>& rivals, Undecided& set) {
   const auto held = [&] {
@@ -216,9 +227,7 @@ void join(const std::vector<Member>& rivals, Undecided& set) {
   };
   const double before = held();
   for (const Member& rival : rivals)
-    if (std::ranges::none_of(set.members, [&](const Member& m) {
-          return m.kind && rival.kind ? m.kind->is_same_cause(*rival.kind) : m.kind == rival.kind;
-        }))
+    if (std::ranges::none_of(set.members, [&](const Member& m) { return is_same(m, rival); }))
       set.members.push_back(rival);
   const double share = before / held();
   for (Member& member : set.members) member.probability *= share;
@@ -267,6 +276,11 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);
     }
   }
+  std::vector<Undecided> each;
+  for (Undecided& set : posterior.undecided)
+    if (std::ranges::none_of(each, [&](const Undecided& other) { return is_same_question(set, other); }))
+      each.push_back(std::move(set));
+  posterior.undecided = std::move(each);
 }
 
 }  // namespace fit::explain::inference

@@ -182,6 +182,23 @@ TEST_CASE("a wall that is written in metres is missed by its name, and all other
   }
 }
 
+TEST_CASE("a board in the open that was never put up is missed by its name, and no light hides it") {
+  const plain_bench::PlainScene written{.walls = {{{1500, -400}, {1500, 400}},
+                                                  {{400, 1700}, {-400, 1650}},
+                                                  {{-1200, 300}, {-1250, -300}},
+                                                  {{-300, -1900}, {300, -1900}}}};
+  plain_bench::PlainScene scene = written;
+  scene.walls.erase(scene.walls.begin() + 1);
+  SyntheticRecording recording = plain_bench::recorded(
+      scene, 9, [](double, double, double) { return plain_bench::Deviation{}; }, {}, written);
+  plain_bench::turn_round(recording, scene);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK(to_text(e).find("hardly a beam meets target 'wall 2'") != std::string::npos);
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+}
+
 TEST_CASE("a board that was carried away for a while is missed, and nothing is named for it") {
   plain_bench::PlainScene scene{
       .walls = plain_bench::furnished, .steps = 271, .front_step = 135, .step_deg = 1};

@@ -281,6 +281,25 @@ TEST_CASE("light that stays in the room while the stage turns is light, and wher
   CHECK_FALSE(e.unknown);
 }
 
+TEST_CASE("two sectors of noisy beams, at all times and without losses, are not told as light for sure") {
+  const auto sector = [](double beam_deg, double centre_deg) {
+    return std::exp(-std::pow((beam_deg - centre_deg) / 12, 2));
+  };
+  for (const unsigned seed : {1u, 2u}) {
+    const Explanation e = explained(
+        [&](double beam_deg, double, double) {
+          Light is;
+          is.scatter_mm = 7 * std::sqrt(sector(beam_deg, -60) + sector(beam_deg, 70));
+          return is;
+        },
+        10, seed);
+    INFO("seed " << seed << ": " << to_text(e));
+    CHECK(std::ranges::none_of(
+        e.mechanisms, [](const fit::explain::Found& found) { return found.mechanism->id == "sunlight"; }));
+    CHECK(std::ranges::count(e.undecided_between, std::vector<std::string>{"local-noise", "sunlight"}) <= 1);
+  }
+}
+
 TEST_CASE("noise that every beam has by its own is no noise of some beams, and is told") {
   std::mt19937 random(17);
   std::normal_distribution<double> normal;
