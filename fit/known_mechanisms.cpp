@@ -88,7 +88,7 @@ std::vector<Active> known_to_be_at_work(const Bench& bench) {
     Active active{not_owned(*m), m->values(known.parameters)};
     for (const Parameter& p : m->parameters) {
       const auto found = known.parameters.find(p.name);
-      active.sigma.push_back(found == known.parameters.end() ? 0 : found->second.u);
+      active.sigma.push_back(found == known.parameters.end() ? p.u_left_out() : found->second.u);
     }
     const auto name = known.texts.find("target");
     const Target* target = name == known.texts.end() ? nullptr : bench.target(name->second);

@@ -127,6 +127,12 @@ double Parameter::left_out() const {
   return role == Role::shape && expected == 0 ? std::clamp(0.0, lower, upper) : expected;
 }
 
+double Parameter::u_left_out() const {
+  if (!generalises || scale == Scale::choice) return 0;
+  const double even = std::sqrt(12.0);
+  return logarithmic ? left_out() * std::log(upper / lower) / even : (upper - lower) / even;
+}
+
 std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& given) const {
   std::vector<double> list;
   for (const Parameter& parameter : parameters) {

@@ -199,8 +199,11 @@ struct Parameter {
   int starts = 8;  ///< Shape: points of the first search, spread by the logarithm if `logarithmic`.
   bool logarithmic = true;
 
-  /// What it is where nobody says so.
+  /// What it is where nobody says so ...
   [[nodiscard]] double left_out() const;
+  /// ... and how well that is known: what makes the formula more general is open between its bounds, as a
+  /// standard deviation; all else is taken at its word.
+  [[nodiscard]] double u_left_out() const;
   /// Shape: the same, where a bench file that leaves it out means that.
   [[nodiscard]] Parameter expecting(double that) const;
   /// Shape: the same, as what makes the formula more general; the plain one has it at that, or at the

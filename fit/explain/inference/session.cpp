@@ -190,9 +190,7 @@ void Session::keep_combs(Hypothesis& at, std::vector<Hypothesis>& following) {
 }
 
 std::vector<Active> Session::means_at_work(const Hypothesis& h) const {
-  std::vector<Active> at_work;
-  for (const Active& known : known_)
-    if (moves_means(*known.mechanism)) at_work.push_back(known);
+  std::vector<Active> at_work = known_terms(reduced_.bench);
   for (const Term& term : h.terms)
     if (term.kind->moves_means()) at_work.push_back({term.kind->mechanism, term.values, term.kind->target});
   return at_work;

@@ -47,22 +47,27 @@ model::Kind kind_here(const model::Rows& rows, const Active& active) {
   return kind;
 }
 
-/// Its values with one of them half a standard uncertainty smaller and larger.
+/// Its values with one of them half a standard uncertainty smaller and larger; at a bound, all of it to one
+/// side.
 std::pair<std::vector<double>, std::vector<double>> around(const Active& active, std::size_t k) {
   const Parameter& p = active.mechanism->parameters[k];
   std::vector<double> less = active.values;
   if (active.mechanism->displaces) std::ranges::fill(less, 0);  // it stands already where it was moved to
   std::vector<double> more = less;
   const double value = less[k], u = active.sigma[k];
-  if (p.logarithmic && value > 0) {
-    const double factor = std::exp(u / (2 * value));
-    more[k] *= factor, less[k] /= factor;
-  } else if (value == 0 && p.sign > 0) {  // it may act by its square
-    more[k] = u;
+  const auto moved = [&](double by) {  // so many standard uncertainties
+    return p.logarithmic && value > 0 ? value * std::exp(by * u / value) : value + by * u;
+  };
+  const bool is_shape = p.role == Parameter::Role::shape && p.lower < p.upper;
+  if (is_shape ? value <= p.lower : value == 0 && p.sign > 0) {  // or it may act by its square
+    more[k] = moved(1);
+  } else if (is_shape && value >= p.upper) {
+    less[k] = moved(-1);
   } else {
-    more[k] += u / 2, less[k] -= u / 2;
+    more[k] = moved(0.5);
+    less[k] = moved(-0.5);
   }
-  if (p.role == Parameter::Role::shape && p.lower < p.upper)
+  if (is_shape)
     for (double* one : {&less[k], &more[k]})
       *one = std::clamp(*one, std::min(p.lower, value), std::max(p.upper, value));
   return {std::move(less), std::move(more)};

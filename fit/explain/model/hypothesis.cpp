@@ -40,8 +40,9 @@ double variance_of_sample(const std::vector<Active>& at_work, const Cell& cell) 
 }
 
 std::vector<Active> known_terms(const Bench& bench) {
-  std::vector<Active> list = known_to_be_at_work(bench);
-  std::erase_if(list, [](const Active& known) { return !moves_means(*known.mechanism); });
+  std::vector<Active> list = known_effects(bench);
+  std::erase_if(list,
+                [](const Active& known) { return known.mechanism->coordinate == Coordinate::scan_seq; });
   return list;
 }
 

@@ -18,7 +18,7 @@ struct Hypothesis {
 /// Whether a mechanism moves the means of captures: what differs within one is seen in its scans.
 [[nodiscard]] bool moves_means(const Mechanism& mechanism);
 
-/// What the bench knows that moves means.
+/// What the bench knows that may move means, whatever it shows in most.
 [[nodiscard]] std::vector<Active> known_terms(const Bench& bench);
 /// All that the bench knows to be at work, but its constant noise.
 [[nodiscard]] std::vector<Active> known_effects(const Bench& bench);
