@@ -63,7 +63,7 @@ struct Circumstances {
   /// square of the range's difference, at most of 150 mm, over that.
   std::array<double, 3> pull_front_mm{};
   /// Mean range of a beam of each of `wide_beams_rad`, weighted by its light, less the range of its middle:
-  /// on slanted walls and beside inner corners. 0 beside edges, where ranges do not merge.
+  /// on slanted walls, beside inner corners, and beside edges, beyond which is another echo, or none.
   std::array<double, 3> spread_mm{};
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< Unit normal of the target, away from the axis.
   double cos_incidence = 1;

@@ -325,14 +325,18 @@ std::optional<Scene::Beside> Scene::beside(const Vector2d& origin, double bearin
   return Beside{other.range_mm, power(other) / power(own)};
 }
 
-/// All that a wide beam meets (fit/mechanisms/mixed_pixel.cpp).
-void Scene::describe_spread(const Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const {
+/// All that a wide beam meets on its side of an edge: beyond is another echo, or none
+/// (fit/mechanisms/mixed_pixel.cpp).
+void Scene::describe_spread(const Vector2d& origin, double bearing, const Hit& own, const Edge* edge,
+                            Circumstances& c) const {
   static const std::vector<Aside> within =
       asides(0.05 * rad_per_deg, 1.2 * rad_per_deg, wide_beams_rad,
              [](double widths) { return std::exp(-widths * widths / 2); });
   const std::optional<double> slope = slope_of_plane(own, c);
+  const double to_edge_rad = edge ? wrap_angle(edge->bearing_rad - bearing) : pi;
   std::array<double, 3> light{}, range_mm{};
   for (const Aside& aside : within) {
+    if (aside.angle_rad * to_edge_rad > to_edge_rad * to_edge_rad) continue;
     const std::optional<Beside> there = beside(origin, bearing, own, aside, slope);
     if (!there) continue;
     for (std::size_t k = 0; k < light.size(); ++k) {
@@ -365,8 +369,7 @@ void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, con
   }
   c.alone = fills(hit, bearing, edge);
   describe_pull(origin, bearing, hit, c);
-  c.spread_mm = {};
-  if (!edge || std::abs(c.edge_rad) > 3 * wide_beams_rad.back()) describe_spread(origin, bearing, hit, c);
+  describe_spread(origin, bearing, hit, edge, c);
 }
 
 const Edge* nearest_edge(const std::vector<Edge>& edges, double bearing) {

@@ -118,7 +118,8 @@ class Scene {
   [[nodiscard]] std::optional<Beside> beside(const Eigen::Vector2d& origin, double bearing, const Hit& own,
                                              const Aside& aside, std::optional<double> slope) const;
   void describe_pull(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
-  void describe_spread(const Eigen::Vector2d& origin, double bearing, const Hit& own, Circumstances& c) const;
+  void describe_spread(const Eigen::Vector2d& origin, double bearing, const Hit& own, const Edge* edge,
+                       Circumstances& c) const;
 
   std::vector<Surface> surfaces_;
 };
