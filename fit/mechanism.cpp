@@ -129,8 +129,11 @@ double Parameter::left_out() const {
 
 double Parameter::u_left_out() const {
   if (!generalises || scale == Scale::choice) return 0;
-  const double even = std::sqrt(12.0);
-  return logarithmic ? left_out() * std::log(upper / lower) / even : (upper - lower) / even;
+  const auto in = [this](double value) { return logarithmic ? std::log(value) : value; };
+  const double plain = left_out(), span = in(upper)-in(lower),
+               to_middle = (in(upper) + in(lower)) / 2 - in(plain),
+               u = std::sqrt((span * span / 12 + to_middle * to_middle) / 2);
+  return logarithmic ? plain * u : u;
 }
 
 std::vector<double> Mechanism::values(const std::map<std::string, Estimate>& given) const {

@@ -201,8 +201,8 @@ struct Parameter {
 
   /// What it is where nobody says so ...
   [[nodiscard]] double left_out() const;
-  /// ... and how well that is known: what makes the formula more general is open between its bounds, as a
-  /// standard deviation; all else is taken at its word.
+  /// ... and how well that is known. What makes the formula more general is plain as often as not, and else
+  /// anywhere between its bounds: by so much it differs from the plain value (root mean square).
   [[nodiscard]] double u_left_out() const;
   /// Shape: the same, where a bench file that leaves it out means that.
   [[nodiscard]] Parameter expecting(double that) const;

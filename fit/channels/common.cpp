@@ -34,7 +34,6 @@ class CommonOfScans final : public model::GammaRows {
     if (had_a_wave) add_rest_of_wave(base);
     set_base(std::move(base));
   }
-  [[nodiscard]] bool sees(Coordinate) const override { return true; }
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     return of(row).expected * effect.shared_by_neighbours + of(row).lever2 * effect.scan_angle_variance_rad2 +
            (part_of(row) == Part::range ? effect.scan_range_variance_mm2 : 0);
