@@ -185,23 +185,7 @@ TEST_CASE("a beam that times all that it meets is no stray light and no light ov
                                    {{-2300, 1800}, {-2300, -2100}},
                                    {{-2300, -2100}, {3200, -2100}}},
                          .u_yaw_deg = 0.1};
-  const auto mean_over_beam = [&](double beam_rad, double stage_rad, double) {
-    constexpr double width_deg = 0.4;
-    const auto middle = look(scene, {}, stage_rad, beam_rad);
-    if (!middle) return Deviation{};
-    double light = 0, sum_mm = 0;
-    for (int k = -30; k <= 30; ++k) {
-      const Deviation aside{.beam_rad = k * 0.04 * degree};
-      const auto there = look(scene, {}, stage_rad, beam_rad, aside);
-      if (!there) continue;
-      const double share = std::exp(-std::pow(k * 0.04 / width_deg, 2) / 2) * std::cos(there->incidence_rad) /
-                           std::pow(there->range_mm, 2);
-      light += share;
-      sum_mm += share * (there->range_mm - middle->range_mm);
-    }
-    return Deviation{.range_mm = sum_mm / light};
-  };
-  SyntheticRecording recording = plain_bench::recorded(scene, 9, mean_over_beam);
+  SyntheticRecording recording = plain_bench::recorded(scene, 9, plain_bench::mean_over_beam(scene, 0.4));
   plain_bench::turn_round(recording, scene, 14, 40);
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));

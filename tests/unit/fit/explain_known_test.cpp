@@ -85,6 +85,28 @@ TEST_CASE("angles that are known to scatter from scan to scan scatter by chance 
   }
 }
 
+TEST_CASE("a beam that is stated as wide may time all its light, at corners and at free edges") {
+  const bool in_a_room = GENERATE(true, false);
+  PlainScene scene{in_a_room ? std::vector<Wall>{{{3200, -2100}, {3200, 1400}},
+                                                 {{3200, 1400}, {-2300, 1800}},
+                                                 {{-2300, 1800}, {-2300, -2100}},
+                                                 {{-2300, -2100}, {3200, -2100}}}
+                             : std::vector<Wall>{{{3000, -900}, {4200, 900}},
+                                                 {{800, 3600}, {-900, 4700}},
+                                                 {{-3900, 700}, {-2900, -900}},
+                                                 {{-700, -3300}, {1200, -4300}}}};
+  scene.sigma_mm = 2;
+  scene.u_sigma_mm = 0.1;
+  scene.u_mm = scene.u_mount_mm = 0.1;  // corners and edges are where the light is averaged
+  scene.u_deg = scene.u_yaw_deg = 0.01;
+  SyntheticRecording recording = recorded(scene, 9, mean_over_beam(scene, 0.3));
+  turn_round(recording, scene, 14, 40);
+  const Knowing knowing(recording, "mixed-pixel", {{"width_deg", {0.3, 0.03}}});
+  const auto e = fit::explain::explain({&knowing}, {});
+  INFO((in_a_room ? "room: " : "boards: ") << to_text(e));
+  CHECK(e.verdict == "nothing-missing");
+}
+
 /// A recording whose counts end there.
 class Clipped final : public fit::Forwarded {
  public:

@@ -118,6 +118,27 @@ using Conceal = std::function<Deviation(double beam_rad, double stage_rad, doubl
 using Spoil =
     std::function<double(const Sample&, std::mt19937&)>;  ///< Another range (mm) of a sample; 0: none.
 
+/// A receiver that times all light of a wide beam reads the mean over what it meets, but for what lies far
+/// behind: that is another echo.
+inline Conceal mean_over_beam(const PlainScene& scene, double width_deg) {
+  return [=](double beam_rad, double stage_rad, double) {
+    constexpr double another_echo_mm = 500, step = 0.1;
+    const auto middle = look(scene, {}, stage_rad, beam_rad);
+    if (!middle) return Deviation{};
+    double light = 0, sum_mm = 0;
+    for (int k = -30; k <= 30; ++k) {
+      const Deviation aside{.beam_rad = k * step * width_deg * degree};
+      const auto there = look(scene, {}, stage_rad, beam_rad, aside);
+      if (!there || std::abs(there->range_mm - middle->range_mm) > another_echo_mm) continue;
+      const double share = std::exp(-std::pow(k * step, 2) / 2) * std::cos(there->incidence_rad) /
+                           std::pow(there->range_mm, 2);
+      light += share;
+      sum_mm += share * (there->range_mm - middle->range_mm);
+    }
+    return Deviation{.range_mm = sum_mm / light};
+  };
+}
+
 /// The scene seen by a lidar whose mount is drawn from its uncertainties too; intensities by 1/r and the
 /// cosine. `written`: the bench file says that instead.
 inline SyntheticRecording recorded(const PlainScene& stated, unsigned seed, const Conceal& conceal,
