@@ -34,6 +34,7 @@ class CommonOfScans final : public model::GammaRows {
     if (had_a_wave) add_rest_of_wave(base);
     set_base(std::move(base));
   }
+  [[nodiscard]] bool sees(Coordinate) const override { return true; }
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     return of(row).expected * effect.shared_by_neighbours + of(row).lever2 * effect.scan_angle_variance_rad2 +
            (part_of(row) == Part::range ? effect.scan_range_variance_mm2 : 0);
@@ -97,6 +98,7 @@ void add_whole_scans(const Reduced& reduced, int fewest_scans, Rows& list) {
     Sums& sums = by_capture[{p.capture, p.of_angle}];
     IndependentRows::Row& row = sums.row;
     row.at = p.at;
+    row.at.seq = 0;  // of all scans
     row.capture = p.capture;
     row.y += p.rest_mm * p.rest_mm;
     row.n += p.news;
@@ -119,6 +121,7 @@ void add_sectors(const Reduced& reduced, int fewest_scans, Rows& list) {
   for (const model::SectorScatter& sectors : model::sector_scatter(reduced, fewest_scans)) {
     IndependentRows::Row row;
     row.at = sectors.at;
+    row.at.seq = 0;
     row.capture = sectors.capture;
     row.y = sectors.square_mm2;
     row.n = sectors.n;

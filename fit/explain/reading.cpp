@@ -135,14 +135,27 @@ std::string note_on_scans(const Reduced& reduced) {
 }
 
 std::string note_on(const std::vector<reduction::Opening>& openings, const Bench& bench) {
-  std::vector<std::string> list;
-  for (const auto& [target, from_mm, to_mm, captures] : openings)
-    list.push_back("target '" + bench.target_at(target).name + "' from " + rounded(from_mm, 4) + " to " +
-                   rounded(to_mm, 4) + " mm from its middle in " + std::to_string(captures) + " captures");
-  if (list.empty()) return {};
-  return "Beams go through " + listed(list) +
-         ": nothing comes back, or what stands far behind. That was left out. It is an opening, glass or "
-         "something dark, which the bench file does not have: add it there, or close it and record again.";
+  std::vector<std::string> through, standing;
+  for (const auto& [target, from_mm, to_mm, captures, off_mm] : openings) {
+    const std::string where = "target '" + bench.target_at(target).name + "' from " + rounded(from_mm, 4) +
+                              " to " + rounded(to_mm, 4) + " mm from its middle in " +
+                              std::to_string(captures) + " captures";
+    if (off_mm >= astray_mm)
+      through.push_back(where);
+    else
+      standing.push_back(rounded(std::abs(off_mm), 2) + " mm " + (off_mm < 0 ? "before " : "behind ") +
+                         where);
+  }
+  std::string text;
+  if (!through.empty())
+    text = "Beams go through " + listed(through) +
+           ": nothing comes back, or what stands far behind. That was left out. It is an opening, glass or "
+           "something dark, which the bench file does not have: add it there, or close it and record again.";
+  if (!standing.empty())
+    text += (text.empty() ? "Something stands " : " Something stands ") + listed(standing) +
+            ". That was left out: the bench file does not have it. Add it there, or take it away and record "
+            "again.";
+  return text;
 }
 
 std::string note_on(const std::map<int, int>& absent, const Bench& bench) {

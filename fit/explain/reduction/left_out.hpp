@@ -24,17 +24,19 @@ Sectors leave_out_dead_beams(Reduced& reduced);
 /// the stage or more, and a fifth of all: by far more than beams differ elsewhere. Returns where they are.
 Sectors leave_out_odd_beams(Reduced& reduced);
 
-/// A stretch of a target through which beams went: a door, a pane of glass; or something dark.
+/// A stretch of a target that is not there: a door, a pane of glass, something dark; or something stands out
+/// from it, or back.
 struct Opening {
   int target = 0;
   double from_mm = 0, to_mm = 0;  ///< Along the target, from its middle.
   int captures = 0;               ///< In which it was seen.
+  double off_mm = 0;              ///< By how much ranges are longer there, median; `astray_mm`: all through.
 };
 
 /// Takes the cells out that look at a stretch of a target from which nothing comes back, or what stands far
-/// behind, while the target answers on both sides of it: a stretch that stays in its place while the stage
-/// turns, so that other beams look at it. It is no loss of weak echoes, and no light that falls on some
-/// beams.
+/// behind or surely elsewhere, while the target is there at one end at once and goes on at the other. The
+/// stretch stays in its place while the stage turns, so that other beams look at it. It is no loss of weak
+/// echoes, no light that falls on some beams, and nothing that the lidar does.
 std::vector<Opening> leave_out_openings(Reduced& reduced);
 
 /// Takes out targets that some captures meet where, in so many others, beams find nothing at all of them, or

@@ -7,6 +7,7 @@
 
 #include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/margins.hpp"
+#include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
 namespace {
@@ -22,9 +23,38 @@ bool goes_through(const Cell& cell) {
 bool is_near(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm; }
 bool is_met(const Cell& cell) { return cell.n > 0 && cell.lost == 0 && is_near(cell); }
 
+/// Whether a cell meets its target where the bench file has it, or for sure not.
+class AsStated {
+ public:
+  AsStated(const Reduced& reduced, const Group& group) : bench_(reduced.bench), sigma_mm_(group.sigma_mm) {}
+  [[nodiscard]] bool is_elsewhere(const Cell& cell) const {
+    return cell.n > 0 ? off_mm(cell) > surely_mm(cell) : goes_through(cell);
+  }
+  [[nodiscard]] bool is_there(const Cell& cell) const {
+    return cell.n > 0 && cell.lost == 0 && 2 * off_mm(cell) < surely_mm(cell);
+  }
+
+  /// Whether it may belong to what is elsewhere beside it.
+  [[nodiscard]] bool leans(const Cell& cell) const {
+    constexpr double hardly = 4;
+    return cell.n > 0 && hardly * off_mm(cell) > surely_mm(cell);
+  }
+
+ private:
+  static double off_mm(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm); }
+  [[nodiscard]] double surely_mm(const Cell& cell) const {
+    constexpr double least_mm = 40, sigmas = 12;
+    return std::max(least_mm, sigmas * sigma_mm_ / std::sqrt(cell.n)) +
+           doubt_of_mount * misplaced_mm(bench_, cell.sight);
+  }
+
+  const Bench& bench_;
+  double sigma_mm_;
+};
+
 bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
 
-/// Neighbours of one group that go through their target.
+/// Neighbours of one group that do not meet their target where it is, though it goes on on both sides.
 struct Run {
   int target = 0, capture = 0;
   double from_mm = 0, to_mm = 0, beam_rad = 0;
@@ -39,29 +69,52 @@ struct Run {
   }
 };
 
+/// The beams beside one end of a run.
+struct Beside {
+  bool goes_on = false, is_there = false, is_hidden = false;
+};
+
 void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs) {
   const auto& cells = reduced.cells;
+  const AsStated as_stated(reduced, group);
   for (std::size_t first = group.first_cell, end = first; first < group.last_cell;
        first = std::max(end, first + 1)) {
     end = first;
-    while (end < group.last_cell && goes_through(cells[end]) &&
+    while (end < group.last_cell && as_stated.is_elsewhere(cells[end]) &&
            cells[end].at.target == cells[first].at.target)
       ++end;
     if (end - first < fewest_through) continue;
-    Run run{cells[first].at.target, group.capture, cells[first].at.along_mm, cells[end - 1].at.along_mm,
-            (cells[first].beam_rad + cells[end - 1].beam_rad) / 2};
-    if (run.from_mm > run.to_mm) std::swap(run.from_mm, run.to_mm);
-    run.each_mm = (run.to_mm - run.from_mm) / static_cast<double>(end - 1 - first);
-    // Before and behind beams that meet an end of it in part.
-    const auto beside = [&](std::size_t from, long step) -> const Cell* {
+    const int target = cells[first].at.target;
+    // Before and behind beams that meet an end of it in part: what bends away is nowhere there at once. What
+    // hides the target there has been found, or is another one.
+    const auto beside = [&](std::size_t from, long step) {
+      Beside end_of_run;
       for (std::size_t k = 0, i = from; k <= at_ends && i >= group.first_cell && i < group.last_cell;
-           ++k, i = static_cast<std::size_t>(static_cast<long>(i) + step))
-        if (cells[i].at.target == run.target && (is_met(cells[i]) || is_hidden(cells[i]))) return &cells[i];
-      return nullptr;
+           ++k, i = static_cast<std::size_t>(static_cast<long>(i) + step)) {
+        const bool is_own = cells[i].at.target == target;
+        end_of_run.is_hidden |=
+            is_own ? is_hidden(cells[i]) : cells[i].nominal_mm + astray_mm < cells[first].nominal_mm;
+        end_of_run.goes_on |= is_own && !as_stated.is_elsewhere(cells[i]);
+        end_of_run.is_there |= is_own && as_stated.is_there(cells[i]);
+      }
+      return end_of_run;
     };
-    const Cell* before = first > group.first_cell ? beside(first - 1, -1) : nullptr;
-    const Cell* behind = beside(end, 1);
-    if (before && behind && (is_met(*before) || is_met(*behind))) runs.push_back(run);
+    const Beside before = first > group.first_cell ? beside(first - 1, -1) : Beside();
+    const Beside behind = beside(end, 1);
+    if (!(before.goes_on || before.is_hidden) || !(behind.goes_on || behind.is_hidden)) continue;
+    const bool ends_at_once = before.is_there || behind.is_there || before.is_hidden || behind.is_hidden;
+    if (!ends_at_once || !(before.goes_on || behind.goes_on)) continue;
+    const auto leans = [&](std::size_t i) {
+      return cells[i].at.target == target && as_stated.leans(cells[i]);
+    };
+    std::size_t from = first, to = end;
+    while (from > group.first_cell && leans(from - 1)) --from;
+    while (to < group.last_cell && leans(to)) ++to;
+    Run run{target, group.capture, cells[from].at.along_mm, cells[to - 1].at.along_mm,
+            (cells[from].beam_rad + cells[to - 1].beam_rad) / 2};
+    if (run.from_mm > run.to_mm) std::swap(run.from_mm, run.to_mm);
+    run.each_mm = (run.to_mm - run.from_mm) / static_cast<double>(to - 1 - from);
+    runs.push_back(run);
   }
 }
 
@@ -73,7 +126,7 @@ void add_to(const Run& run, std::vector<Opening>& openings) {
     one.to_mm = std::max(one.to_mm, run.to_mm);
     return;
   }
-  openings.push_back({run.target, run.from_mm, run.to_mm, 0});
+  openings.push_back({run.target, run.from_mm, run.to_mm});
 }
 
 }  // namespace
@@ -91,14 +144,22 @@ std::vector<Opening> leave_out_openings(Reduced& reduced) {
   // Where the field of view ends within it as well.
   for (Opening& one : openings) {
     std::set<int> captures;
-    for (Cell& cell : reduced.cells) {
-      if (cell.at.target != one.target || cell.at.along_mm < one.from_mm - margin_mm ||
-          cell.at.along_mm > one.to_mm + margin_mm || is_met(cell))
-        continue;
-      if (goes_through(cell)) captures.insert(reduced.group_of(cell).capture);
-      cell.leave_out();
+    std::vector<double> off_mm;
+    for (const Group& group : reduced.groups) {
+      const AsStated as_stated(reduced, group);
+      for (Cell& cell : reduced.cells_of(group)) {
+        if (cell.at.target != one.target || cell.at.along_mm < one.from_mm - margin_mm ||
+            cell.at.along_mm > one.to_mm + margin_mm || (as_stated.is_there(cell) && !as_stated.leans(cell)))
+          continue;
+        if (as_stated.is_elsewhere(cell)) {
+          captures.insert(group.capture);
+          off_mm.push_back(goes_through(cell) ? astray_mm : cell.mean_mm - cell.nominal_mm);
+        }
+        cell.leave_out();
+      }
     }
     one.captures = static_cast<int>(captures.size());
+    one.off_mm = median_of(std::move(off_mm));
   }
   return openings;
 }

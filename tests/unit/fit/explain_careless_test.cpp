@@ -142,6 +142,31 @@ TEST_CASE("through a pane of glass or an open door no echo is lost, and the benc
   CHECK(notes(e, "Beams go through target 'north'"));
 }
 
+TEST_CASE(
+    "a plate on a wall, a niche in it, and a door ajar are told with their places, and are no physics") {
+  struct Case {
+    std::string says;
+    double near_mm, far_mm;  // out of the wall, from one end to the other
+    int from_stop;
+  };
+  const Case is = GENERATE(Case{"Something stands 6", 60, 60, 0}, Case{"mm behind target", -250, -250, 0},
+                           Case{"Something stands", 5, 110, 6});
+  const Thing thing = [is](int stop, std::int64_t, double bearing_deg,
+                           double wall_mm) -> std::optional<double> {
+    constexpr double from_deg = 66, to_deg = 84;
+    const double along = (bearing_deg - from_deg) / (to_deg - from_deg);
+    if (stop < is.from_stop || along < 0 || along > 1) return {};
+    return wall_mm - (is.near_mm + along * (is.far_mm - is.near_mm));
+  };
+  const SyntheticRecording recording = recorded(stops_all_round(12), 10, thing, 7);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(is.says << ": " << to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  if (is.near_mm == is.far_mm) CHECK(e.verdict == "nothing-missing");  // beside a hinge a little is left
+  CHECK(notes(e, is.says));
+}
+
 TEST_CASE("what stands before the targets all the time is told with its place") {
   const double radius_mm = GENERATE(120.0, 380.0);  // the latter hides more than a quarter of a wall
   const plain_bench::PlainScene scene{.walls = plain_bench::l_shaped};
