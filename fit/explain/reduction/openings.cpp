@@ -129,6 +129,32 @@ void add_to(const Run& run, std::vector<Opening>& openings) {
   openings.push_back({run.target, run.from_mm, run.to_mm});
 }
 
+/// In captures that show it, with beams that meet its ends in part; in all others as far as it is seen there:
+/// where the field of view ends within it, or not at all.
+void leave_out(Opening& one, double margin_mm, Reduced& reduced) {
+  std::vector<double> off_mm;
+  std::set<int> captures;
+  for (const Group& group : reduced.groups) {
+    const AsStated as_stated(reduced, group);
+    std::vector<Cell*> within;
+    bool is_shown = false;
+    for (Cell& cell : reduced.cells_of(group)) {
+      if (cell.at.target != one.target || cell.at.along_mm < one.from_mm - margin_mm ||
+          cell.at.along_mm > one.to_mm + margin_mm)
+        continue;
+      within.push_back(&cell);
+      if (!as_stated.is_elsewhere(cell)) continue;
+      is_shown = true;
+      off_mm.push_back(goes_through(cell) ? astray_mm : cell.mean_mm - cell.nominal_mm);
+    }
+    if (is_shown) captures.insert(group.capture);
+    for (Cell* cell : within)
+      if (is_shown || as_stated.leans(*cell)) cell->leave_out();
+  }
+  one.captures = static_cast<int>(captures.size());
+  one.off_mm = median_of(std::move(off_mm));
+}
+
 }  // namespace
 
 std::vector<Opening> leave_out_openings(Reduced& reduced) {
@@ -141,26 +167,7 @@ std::vector<Opening> leave_out_openings(Reduced& reduced) {
     add_to(run, openings);
     margin_mm = std::max(margin_mm, static_cast<double>(at_ends) * run.each_mm);
   }
-  // Where the field of view ends within it as well.
-  for (Opening& one : openings) {
-    std::set<int> captures;
-    std::vector<double> off_mm;
-    for (const Group& group : reduced.groups) {
-      const AsStated as_stated(reduced, group);
-      for (Cell& cell : reduced.cells_of(group)) {
-        if (cell.at.target != one.target || cell.at.along_mm < one.from_mm - margin_mm ||
-            cell.at.along_mm > one.to_mm + margin_mm || (as_stated.is_there(cell) && !as_stated.leans(cell)))
-          continue;
-        if (as_stated.is_elsewhere(cell)) {
-          captures.insert(group.capture);
-          off_mm.push_back(goes_through(cell) ? astray_mm : cell.mean_mm - cell.nominal_mm);
-        }
-        cell.leave_out();
-      }
-    }
-    one.captures = static_cast<int>(captures.size());
-    one.off_mm = median_of(std::move(off_mm));
-  }
+  for (Opening& one : openings) leave_out(one, margin_mm, reduced);
   return openings;
 }
 
