@@ -39,9 +39,9 @@ class AsStated {
     constexpr double hardly = 4;
     return cell.n > 0 && hardly * off_mm(cell) > surely_mm(cell);
   }
+  static double off_mm(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm); }
 
  private:
-  static double off_mm(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm); }
   [[nodiscard]] double surely_mm(const Cell& cell) const {
     constexpr double least_mm = 40, sigmas = 12;
     return std::max(least_mm, sigmas * sigma_mm_ / std::sqrt(cell.n)) +
@@ -68,6 +68,24 @@ struct Run {
            std::abs(beam_rad - other.beam_rad) > other_beams_rad;
   }
 };
+
+/// From one end of a run on: the last cell that leans towards it or would, if it goes on to lean as they do.
+long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t run_end, long step,
+                     const Reduced& reduced) {
+  const auto cell = [&](long i) -> const Cell& { return reduced.cells[static_cast<std::size_t>(i)]; };
+  const auto strong = static_cast<long>(run_end);
+  const auto goes_on = [&](long i) {
+    return i >= static_cast<long>(group.first_cell) && i < static_cast<long>(group.last_cell) &&
+           cell(i).at.target == cell(strong).at.target;
+  };
+  long last = strong;
+  while (goes_on(last + step) && as_stated.leans(cell(last + step))) last += step;
+  const double there = AsStated::off_mm(cell(last)), falls = AsStated::off_mm(cell(strong)) - there;
+  if (last == strong || falls <= 0) return last;
+  const long more = std::lround(std::ceil(there / falls * static_cast<double>(std::abs(last - strong))));
+  for (long k = 0; k < more && goes_on(last + step); ++k) last += step;
+  return last;
+}
 
 /// The beams beside one end of a run.
 struct Beside {
@@ -104,12 +122,8 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
     if (!(before.goes_on || before.is_hidden) || !(behind.goes_on || behind.is_hidden)) continue;
     const bool ends_at_once = before.is_there || behind.is_there || before.is_hidden || behind.is_hidden;
     if (!ends_at_once || !(before.goes_on || behind.goes_on)) continue;
-    const auto leans = [&](std::size_t i) {
-      return cells[i].at.target == target && as_stated.leans(cells[i]);
-    };
-    std::size_t from = first, to = end;
-    while (from > group.first_cell && leans(from - 1)) --from;
-    while (to < group.last_cell && leans(to)) ++to;
+    const auto from = static_cast<std::size_t>(where_it_begins(group, as_stated, first, -1, reduced)),
+               to = static_cast<std::size_t>(where_it_begins(group, as_stated, end - 1, 1, reduced)) + 1;
     Run run{target, group.capture, cells[from].at.along_mm, cells[to - 1].at.along_mm,
             (cells[from].beam_rad + cells[to - 1].beam_rad) / 2};
     if (run.from_mm > run.to_mm) std::swap(run.from_mm, run.to_mm);
