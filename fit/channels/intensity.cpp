@@ -3,9 +3,12 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "fit/explain/model/channel.hpp"
+#include "fit/explain/model/gaussian.hpp"
 #include "fit/explain/model/readings.hpp"
 #include "fit/explain/model/shared_errors.hpp"
 #include "fit/explain/numbers.hpp"
@@ -51,7 +54,8 @@ std::pair<int, int> by_capture_and_surface(const Reading& r) { return {r.capture
 /// surface's readings in one capture share an error.
 class Echoes final : public model::NormalRows {
  public:
-  Echoes(std::vector<Reading> readings, const IntensityClaim& claim) : readings_(std::move(readings)) {
+  Echoes(std::vector<Reading> readings, const IntensityClaim& claim, const Bench& bench)
+      : readings_(std::move(readings)) {
     std::ranges::stable_sort(readings_, {}, by_capture_and_surface);
     std::vector<Row> rows_of_readings;
     for (const Reading& r : readings_) rows_of_readings.push_back({r.at, r.capture, r.off});
@@ -74,6 +78,7 @@ class Echoes final : public model::NormalRows {
     add_surfaces();
     add([](const Reading& r) { return 1 / r.at.intensity; }, cut_off_counts);
     add_open_forms(claim);
+    open_wrong_greys(bench);
   }
 
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
@@ -99,7 +104,7 @@ class Echoes final : public model::NormalRows {
       return rounded(100 * std::sqrt(sum / static_cast<double>(rows())), 2) + " %";
     };
     return "Intensities are compared with the bench's radiometry, which they leave by " + rms(before) +
-           " where nothing is missing, and by " + rms(after) + " with what was found.";
+           " where nothing is missing, and by " + rms(after) + " with what was found." + wrong_greys_;
   }
 
  private:
@@ -131,6 +136,47 @@ class Echoes final : public model::NormalRows {
     for (int s = 0; s < surfaces; ++s)
       add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
   }
+  /// A grey that alone strains its prior by more than a form costs is stated wrong: it says nothing then. But
+  /// not where a law that is stated wrong explains all greys as well.
+  void open_wrong_greys(const Bench& bench) {
+    constexpr double any_grey = 1, any_law = 0.5;  // of logarithms, and of the law's coefficients
+    const MatrixXd white = whitened(base().columns, {});
+    const inference::Quadratic all{white.transpose() * white,
+                                   white.transpose() * white_residual(VectorXd::Zero(rows()))};
+    Prior prior = base().prior;
+    const Index surfaces = 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
+    const double price = -std::log(numbers::forms_expected / static_cast<double>(surfaces));
+    const auto with = [](Prior wider, Index first, Index count, double sigma) {
+      wider.sigma.segment(first, count) = wider.sigma.segment(first, count).cwiseMax(sigma);
+      return wider;
+    };
+    double most = std::max(integrate(all, prior).log_evidence,
+                           integrate(all, with(prior, 0, L::size, any_law)).log_evidence);
+    std::vector<Index> wrong;
+    for (;;) {
+      Index next = -1;
+      for (Index s = 0; s < surfaces; ++s) {
+        if (std::ranges::count(wrong, s)) continue;
+        const double evidence = integrate(all, with(prior, L::size + s, 1, any_grey)).log_evidence - price;
+        if (evidence <= most) continue;
+        most = evidence;
+        next = s;
+      }
+      if (next < 0) break;
+      wrong.push_back(next);
+      prior = with(prior, L::size + next, 1, any_grey);
+    }
+    if (wrong.empty()) return;
+    const inference::Integral found = integrate(all, prior);
+    for (const Index s : wrong) {
+      const auto one = std::ranges::find(readings_, s, &Reading::surface);
+      wrong_greys_ += " Target '" + bench.target_at(one->at.target).name + "' returns " +
+                      rounded(std::exp(found.value[L::size + s]), 2) +
+                      " times the counts that its reflectance (" + rounded(one->at.reflectance, 2) +
+                      ") stands for: correct that.";
+    }
+    set_base({base().columns, prior});
+  }
   void add_open_forms(const IntensityClaim& claim) {
     const auto smooth = [&](const VectorXd& x, double least, double length, double sigma) {
       if (x.maxCoeff() - x.minCoeff() > least) add(bells(x, length), sigma);
@@ -151,6 +197,7 @@ class Echoes final : public model::NormalRows {
   std::vector<Reading> readings_;
   VectorXd weight_;
   std::vector<model::SharedErrors> shared_;  ///< Of a surface in a capture.
+  std::string wrong_greys_;                  ///< Sentences.
 };
 
 /// A gain that is not stated is the recording's.
@@ -177,7 +224,7 @@ model::ChannelKind make_intensity() {
     take_gain(reduced, *claim);
     std::vector<Reading> readings = model::readings_of(reduced, claim->law, numbers::search_rows);
     if (readings.empty()) return nullptr;
-    return std::make_unique<Echoes>(std::move(readings), *claim);
+    return std::make_unique<Echoes>(std::move(readings), *claim, reduced.bench);
   };
   kind.restate = [](const Reduced& reduced, const std::vector<Estimate>& nuisances, Bench& bench) {
     IntensityClaim claim = *claimed_intensity(bench);

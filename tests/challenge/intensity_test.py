@@ -26,6 +26,17 @@ with tempfile.TemporaryDirectory() as temporary:
         why = explained(folder, world, "--radiometry", "--scene", "ladder", "--seed", seed)
         assert not lights & set(named(why)) and "unknown" not in why, (seed, named(why), why.get("unknown"))
         assert any("radiometry" in note for note in why["notes"])
+    # A board whose grey is written wrong is told by its name; it is no law, nor light.
+    explained(folder, world, "--radiometry", "--scene", "boards", "--seed", "3")
+    bench = json.loads(sqlite3.connect(folder / "case.rig").execute("SELECT value FROM session WHERE key='bench'").fetchone()[0])
+    board = max(bench["targets"], key=lambda t: t["reflectance"])
+    board["reflectance"] /= 2
+    (folder / "wrong.bench.json").write_text(json.dumps(bench))
+    subprocess.run([rig, "explain", folder / "case.rig", "--bench", folder / "wrong.bench.json", "--json", folder / "why.json",
+                    "--no-store"], check=True, capture_output=True)
+    why = json.loads((folder / "why.json").read_text())
+    assert not lights & set(named(why)), named(why)
+    assert any(f"Target '{board['name']}' returns 1." in note for note in why["notes"]), why["notes"]
     # This device's receiver bends in another way than any law that a bench can state.
     why = explained(folder, effects, "--radiometry", "--scene", "ladder", "--seed", "111")
     assert lights & set(named(why)) == {"radiometry"}, named(why)

@@ -88,7 +88,7 @@ long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t 
 }
 
 /// The beams beside one end of a run.
-struct Beside {
+struct EndOfRun {
   bool goes_on = false, is_there = false, is_hidden = false;
 };
 
@@ -106,19 +106,19 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
     // Before and behind beams that meet an end of it in part: what bends away is nowhere there at once. What
     // hides the target there has been found, or is another one.
     const auto beside = [&](std::size_t from, long step) {
-      Beside end_of_run;
+      EndOfRun seen;
       for (std::size_t k = 0, i = from; k <= at_ends && i >= group.first_cell && i < group.last_cell;
            ++k, i = static_cast<std::size_t>(static_cast<long>(i) + step)) {
         const bool is_own = cells[i].at.target == target;
-        end_of_run.is_hidden |=
+        seen.is_hidden |=
             is_own ? is_hidden(cells[i]) : cells[i].nominal_mm + astray_mm < cells[first].nominal_mm;
-        end_of_run.goes_on |= is_own && !as_stated.is_elsewhere(cells[i]);
-        end_of_run.is_there |= is_own && as_stated.is_there(cells[i]);
+        seen.goes_on |= is_own && !as_stated.is_elsewhere(cells[i]);
+        seen.is_there |= is_own && as_stated.is_there(cells[i]);
       }
-      return end_of_run;
+      return seen;
     };
-    const Beside before = first > group.first_cell ? beside(first - 1, -1) : Beside();
-    const Beside behind = beside(end, 1);
+    const EndOfRun before = first > group.first_cell ? beside(first - 1, -1) : EndOfRun();
+    const EndOfRun behind = beside(end, 1);
     if (!(before.goes_on || before.is_hidden) || !(behind.goes_on || behind.is_hidden)) continue;
     const bool ends_at_once = before.is_there || behind.is_there || before.is_hidden || behind.is_hidden;
     if (!ends_at_once || !(before.goes_on || behind.goes_on)) continue;
