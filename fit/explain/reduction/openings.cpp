@@ -69,9 +69,10 @@ struct Run {
   }
 };
 
-/// From one end of a run on: the last cell that leans towards it or would, if it goes on to lean as they do.
+/// From one end of a run on: the last cell that leans towards it or would, if it goes on to lean as they do;
+/// not beyond so many.
 long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t run_end, long step,
-                     const Reduced& reduced) {
+                     long no_more, const Reduced& reduced) {
   const auto cell = [&](long i) -> const Cell& { return reduced.cells[static_cast<std::size_t>(i)]; };
   const auto strong = static_cast<long>(run_end);
   const auto goes_on = [&](long i) {
@@ -82,8 +83,9 @@ long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t 
   while (goes_on(last + step) && as_stated.leans(cell(last + step))) last += step;
   const double there = AsStated::off_mm(cell(last)), falls = AsStated::off_mm(cell(strong)) - there;
   if (last == strong || falls <= 0) return last;
-  const long more = std::lround(std::ceil(there / falls * static_cast<double>(std::abs(last - strong))));
-  for (long k = 0; k < more && goes_on(last + step); ++k) last += step;
+  const double more = there / falls * static_cast<double>(std::abs(last - strong));
+  for (long k = 0; k < std::min(no_more, std::lround(std::ceil(more))) && goes_on(last + step); ++k)
+    last += step;
   return last;
 }
 
@@ -92,7 +94,19 @@ struct EndOfRun {
   bool goes_on = false, is_there = false, is_hidden = false;
 };
 
+/// Whether most of what is seen of a target is where it should be: else something else is the matter.
+bool is_mostly_there(const Reduced& reduced, const Group& group, const AsStated& as_stated, int target) {
+  int seen = 0, there = 0;
+  for (const Cell& cell : reduced.cells_of(group)) {
+    if (cell.at.target != target || is_hidden(cell)) continue;
+    ++seen;
+    there += as_stated.is_there(cell);
+  }
+  return 2 * there > seen;
+}
+
 void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs) {
+  if (is_turning(reduced.capture_of(group))) return;  // its cells are of several beams of one scan
   const auto& cells = reduced.cells;
   const AsStated as_stated(reduced, group);
   for (std::size_t first = group.first_cell, end = first; first < group.last_cell;
@@ -122,8 +136,13 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
     if (!(before.goes_on || before.is_hidden) || !(behind.goes_on || behind.is_hidden)) continue;
     const bool ends_at_once = before.is_there || behind.is_there || before.is_hidden || behind.is_hidden;
     if (!ends_at_once || !(before.goes_on || behind.goes_on)) continue;
-    const auto from = static_cast<std::size_t>(where_it_begins(group, as_stated, first, -1, reduced)),
-               to = static_cast<std::size_t>(where_it_begins(group, as_stated, end - 1, 1, reduced)) + 1;
+    if (!is_mostly_there(reduced, group, as_stated, target)) continue;
+    const auto from_end = [&](const EndOfRun& seen, std::size_t run_end, long step) {
+      if (seen.is_there) return run_end;
+      return static_cast<std::size_t>(
+          where_it_begins(group, as_stated, run_end, step, static_cast<long>(end - first), reduced));
+    };
+    const std::size_t from = from_end(before, first, -1), to = from_end(behind, end - 1, 1) + 1;
     Run run{target, group.capture, cells[from].at.along_mm, cells[to - 1].at.along_mm,
             (cells[from].beam_rad + cells[to - 1].beam_rad) / 2};
     if (run.from_mm > run.to_mm) std::swap(run.from_mm, run.to_mm);
