@@ -130,10 +130,12 @@ class Echoes final : public model::NormalRows {
     add(MatrixXd(column(of_reading)), sigma);
   }
 
+  [[nodiscard]] int surfaces() const {
+    return 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
+  }
   /// Every surface its own grey.
   void add_surfaces() {
-    const int surfaces = 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
-    for (int s = 0; s < surfaces; ++s)
+    for (int s = 0; s < surfaces(); ++s)
       add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
   }
   /// A grey that alone strains its prior by more than a form costs is stated wrong: it says nothing then. But
@@ -144,10 +146,10 @@ class Echoes final : public model::NormalRows {
     const inference::Quadratic all{white.transpose() * white,
                                    white.transpose() * white_residual(VectorXd::Zero(rows()))};
     Prior prior = base().prior;
-    const Index surfaces = 1 + std::ranges::max_element(readings_, {}, &Reading::surface)->surface;
-    const double price = -std::log(numbers::forms_expected / static_cast<double>(surfaces));
-    const auto with = [](Prior wider, Index first, Index count, double sigma) {
-      wider.sigma.segment(first, count) = wider.sigma.segment(first, count).cwiseMax(sigma);
+    const Index count = surfaces();
+    const double price = -std::log(numbers::forms_expected / static_cast<double>(count));
+    const auto with = [](Prior wider, Index first, Index many, double sigma) {
+      wider.sigma.segment(first, many) = wider.sigma.segment(first, many).cwiseMax(sigma);
       return wider;
     };
     double most = std::max(integrate(all, prior).log_evidence,
@@ -155,7 +157,7 @@ class Echoes final : public model::NormalRows {
     std::vector<Index> wrong;
     for (;;) {
       Index next = -1;
-      for (Index s = 0; s < surfaces; ++s) {
+      for (Index s = 0; s < count; ++s) {
         if (std::ranges::count(wrong, s)) continue;
         const double evidence = integrate(all, with(prior, L::size + s, 1, any_grey)).log_evidence - price;
         if (evidence <= most) continue;

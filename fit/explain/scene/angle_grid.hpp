@@ -16,7 +16,7 @@ class AngleGrid {
   /// spacing_rad: of the beams; the columns' own divides a turn evenly.
   AngleGrid(double through_rad, double spacing_rad)
       : count_(static_cast<std::size_t>(std::clamp(std::lround(2 * pi / std::abs(spacing_rad)), 1L, 20000L))),
-        first_rad_(std::fmod(wrap_angle(through_rad) + 2 * pi, this->spacing_rad()) - pi) {}
+        first_rad_(std::fmod(wrap_angle(through_rad) + 3 * pi, this->spacing_rad()) - pi) {}
 
   [[nodiscard]] std::size_t count() const { return count_; }
   [[nodiscard]] double spacing_rad() const { return 2 * pi / static_cast<double>(count_); }

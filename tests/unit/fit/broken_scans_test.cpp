@@ -62,6 +62,21 @@ TEST_CASE("scans of a lidar without noise are as good as each other") {
   for (int scan = 0; scan < 10; ++scan) CHECK_FALSE(again.is_again(view_of(same)));
 }
 
+TEST_CASE("columns of scans with their own geometry have their middles at the first one's beams") {
+  for (const int count : {360, 361, 1091}) {
+    const double spacing_rad = 2 * fit::pi / count, through_rad = -1.2345;
+    const fit::explain::AngleGrid grid(through_rad, spacing_rad);
+    REQUIRE(grid.count() == static_cast<std::size_t>(count));
+    for (const int beam : {0, 7, 200, -3}) {
+      const double angle_rad = fit::wrap_angle(through_rad + beam * spacing_rad);
+      INFO(count << " columns, beam " << beam);
+      CHECK(fit::wrap_angle(grid.middle_rad(grid.column_of(angle_rad)) - angle_rad) ==
+            Approx(0).margin(1e-9));
+      CHECK(grid.column_of(angle_rad + 0.4 * spacing_rad) == grid.column_of(angle_rad));
+    }
+  }
+}
+
 TEST_CASE("a capture whose later scans all end at one beam was cut there") {
   Samples cut = samples_of(20, [](int scan, int beam) { return scan < 10 || beam < 120; });
   CHECK(fit::explain::reduction::do_not_look_at_gaps(cut) == 10);
