@@ -12,14 +12,17 @@ using model::IndependentRows;
 
 constexpr std::size_t fewest_angles = 3;  // else a wall's own texture stays with the beam
 
-/// A beam's mean less the line through its neighbours' on both sides, averaged over all captures: squared, a
-/// gamma distribution around what noise leaves of it, to which adds what every beam reads off by its own.
+/// A beam's mean less the line through its neighbours' on both sides, averaged over all captures: two of them
+/// with half a weight each, so that its square is that often the variance of one beam's own error.
+constexpr double squares_of_own = 1.5;
+
+/// Such squares over that number: a gamma distribution around what noise leaves of them, to which adds what
+/// every beam reads off by its own.
 class Beams final : public model::GammaRows {
  public:
   Beams(std::vector<Row> rows, double least) : GammaRows(std::move(rows), least) {}
   [[nodiscard]] double response(Eigen::Index, const Effect& effect) const override {
-    constexpr double of_neighbours = 0.5;  // two of them, each with half a weight
-    return (1 + of_neighbours) * effect.own_range_variance_mm2;
+    return effect.own_range_variance_mm2;
   }
 };
 
@@ -74,7 +77,7 @@ model::ChannelKind make_beams() {
   model::ChannelKind kind;
   kind.id = "beams";
   kind.observable = Observable::range_variance;
-  kind.shows = "what a beam is off from its neighbours, standard deviation";
+  kind.shows = "what a beam reads off by its own, standard deviation";
   kind.unit = "mm";
   kind.is_square = true;
   kind.of_predicted = true;
@@ -104,9 +107,9 @@ model::ChannelKind make_beams() {
       IndependentRows::Row& row = rows.emplace_back();
       row.at = beam.at;
       row.capture = std::abs(name);  // held out beam by beam
-      row.y = std::pow(all.mean(), 2);
+      row.y = std::pow(all.mean(), 2) / squares_of_own;
       row.n = independent;
-      row.expected = excess / all.weight;
+      row.expected = excess / all.weight / squares_of_own;
       least = std::min(least, row.expected / 2);
     }
     return std::make_unique<Beams>(std::move(rows), least);

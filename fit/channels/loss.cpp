@@ -84,8 +84,7 @@ class Losses final : public model::Counts {
 /// cosine and of the surface's reflectance (the radar equation, with exponents of this receiver).
 class ExpectedEcho {
  public:
-  ExpectedEcho(const Reduced& reduced, const std::vector<model::IndependentRows::Row>& rows)
-      : reduced_(reduced) {
+  explicit ExpectedEcho(const std::vector<model::IndependentRows::Row>& rows) {
     Eigen::Matrix4d square =
         Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();  // exponents near those of a plain receiver
     Eigen::Vector4d along = square * Eigen::Vector4d(0, -2, 1, 1);
@@ -105,14 +104,11 @@ class ExpectedEcho {
   }
 
  private:
-  [[nodiscard]] Eigen::Vector4d powers(const model::IndependentRows::Row& row) const {
-    const double reflectance = reflectance_in(reduced_.captures[static_cast<std::size_t>(row.capture)],
-                                              reduced_.bench.target_at(row.at.target));
+  [[nodiscard]] static Eigen::Vector4d powers(const model::IndependentRows::Row& row) {
     return {1, std::log(std::max(1.0, row.at.range_mm) / 1000),
-            std::log(std::max(0.05, row.at.cos_incidence)), std::log(std::max(0.001, reflectance))};
+            std::log(std::max(0.05, row.at.cos_incidence)), std::log(std::max(0.001, row.at.reflectance))};
   }
 
-  const Reduced& reduced_;
   double darkest_ = std::numeric_limits<double>::infinity();
   Eigen::Vector4d exponents_ = Eigen::Vector4d::Zero();
 };
@@ -140,7 +136,7 @@ model::ChannelKind make_loss() {
           return true;
         },
         enough);
-    const ExpectedEcho expected(reduced, rows);
+    const ExpectedEcho expected(rows);
     for (auto& row : rows)
       if (!std::isfinite(row.at.intensity)) row.at.intensity = expected(row);
     if (rows.empty()) return nullptr;

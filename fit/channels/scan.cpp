@@ -2,14 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <span>
 #include <utility>
 #include <vector>
 
-#include "fit/explain/model/block_means.hpp"
 #include "fit/explain/model/channel.hpp"
 #include "fit/explain/model/neighbours.hpp"
+#include "fit/explain/model/noise_of_scans.hpp"
 #include "fit/explain/model/scans.hpp"
-#include "fit/explain/model/shared_errors.hpp"
 #include "fit/explain/numbers.hpp"
 
 namespace fit::explain::channels {
@@ -18,36 +18,24 @@ namespace {
 using Eigen::Index;
 using model::ScanPart;
 
-/// By how much ranges and angles of whole scans scatter.
-struct Scatter {
-  model::ScatterOfScans of_range, of_angle;
-};
-
 /// What scans have in common, against the mean of their capture: normal around what changes from scan to
 /// scan.
 class Scans final : public model::NormalRows {
  public:
-  Scans(std::vector<ScanPart> parts, const Scatter& scatter, const Reduced& reduced)
+  Scans(std::vector<ScanPart> parts, const model::RandomOfScans& range, const model::RandomOfScans& angle,
+        const Reduced& reduced)
       : parts_(std::move(parts)) {
     std::vector<Row> rows_of_parts;
     for (const ScanPart& p : parts_) rows_of_parts.push_back({p.at, p.capture, p.mm});
     set_rows(std::move(rows_of_parts));
     if (reduced.wave_hz) expect_wave(*reduced.wave_hz, true);
     if (reduced.vibration_hz) expect_wave(*reduced.vibration_hz, false);
-    means_.weight.resize(rows());
-    std::map<int, std::vector<Index>> blocks;
-    for (Index i = 0; i < rows(); ++i) {
-      means_.weight[i] = 1 / std::sqrt(part(i).variance_mm2);
-      blocks[part(i).block].push_back(i);
+    for (auto from = parts_.cbegin(); from != parts_.cend();) {
+      const auto to = std::find_if(from, parts_.cend(),
+                                   [group = from->group](const ScanPart& p) { return p.group != group; });
+      noise_.emplace_back(from - parts_.cbegin(), std::span(from, to), range, angle);
+      from = to;
     }
-    for (auto& [block, list] : blocks) {
-      const auto& of = part(list.front()).of_angle ? scatter.of_angle : scatter.of_range;
-      means_.noise.emplace_back(of.rho, of.share);
-      means_.blocks.push_back(std::move(list));
-    }
-    const double range_mm = std::sqrt(scatter.of_range.beside_samples()),
-                 angle_rad = std::sqrt(scatter.of_angle.beside_samples());
-    if (range_mm > 0 || angle_rad > 0) share_errors(range_mm, angle_rad);
   }
 
   [[nodiscard]] bool sees(Coordinate coordinate) const override { return coordinate == Coordinate::scan_seq; }
@@ -56,12 +44,13 @@ class Scans final : public model::NormalRows {
   }
   /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
-    means_.whiten(columns);
-    for (const model::SharedErrors& errors : shared_) errors.whiten(columns);
+    for (const model::NoiseOfScans& noise : noise_) noise.whiten(columns);
     return columns;
   }
   [[nodiscard]] Eigen::VectorXd information(const Eigen::VectorXd&) const override {
-    return means_.weight.cwiseAbs2();
+    Eigen::VectorXd of_samples(rows());
+    for (Index i = 0; i < rows(); ++i) of_samples[i] = 1 / part(i).variance_mm2;
+    return of_samples;
   }
 
  private:
@@ -83,24 +72,10 @@ class Scans final : public model::NormalRows {
     }
     append_to_base({waves, Prior::around_zero(waves.cols(), numbers::form_mm)});
   }
-  /// All parts of a scan, one after the other, share them.
-  void share_errors(double range_mm, double angle_rad) {
-    for (Index first = 0, last = 0; first < rows(); first = last) {
-      while (last < rows() && part(last).group == part(first).group &&
-             part(last).in_capture == part(first).in_capture)
-        ++last;
-      Eigen::MatrixXd z(last - first, 2);
-      for (Index i = first; i < last; ++i)
-        z.row(i - first) = means_.weight[i] *
-                           Eigen::RowVector2d(part(i).of_angle ? 0 : range_mm, part(i).lever_mm * angle_rad);
-      shared_.emplace_back(first, std::move(z));
-    }
-  }
   [[nodiscard]] const ScanPart& part(Index row) const { return parts_[static_cast<std::size_t>(row)]; }
 
   std::vector<ScanPart> parts_;
-  model::BlockMeans means_;
-  std::vector<model::SharedErrors> shared_;  ///< Of every scan.
+  std::vector<model::NoiseOfScans> noise_;  ///< Of every group.
 };
 
 }  // namespace
@@ -123,9 +98,10 @@ model::ChannelKind make_scan() {
     int parts = 1;  // Of a scan, as many as computing time allows.
     while (parts < 8 && 2 * static_cast<std::size_t>(parts) * whole.size() <= 3 * numbers::search_rows)
       parts *= 2;
-    return std::make_unique<Scans>(
-        parts == 1 ? whole : in_parts(parts),
-        Scatter{model::scatter_of_scans(whole, false), model::scatter_of_scans(whole, true)}, reduced);
+    return std::make_unique<Scans>(parts == 1 ? whole : in_parts(parts),
+                                   model::random_of_scans(reduced, model::scatter_of_scans(whole, false)),
+                                   model::random_of_scans(reduced, model::scatter_of_scans(whole, true)),
+                                   reduced);
   };
   return kind;
 }

@@ -50,7 +50,8 @@ inference::Inferred search(Reduced& reduced, const Progress& progress) {
     mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, noise, progress);
   }
-  if (steps) inferred.accepted.insert(inferred.accepted.begin(), *steps);
+  if (steps && !reduced.bench.knows(steps->mechanism->id))
+    inferred.accepted.insert(inferred.accepted.begin(), *steps);
   inferred.unknown.insert(inferred.unknown.begin(), unknown.begin(), unknown.end());
   return inferred;
 }
@@ -66,7 +67,7 @@ Explanation reported(const Reduced& reduced, const inference::Inferred& inferred
   out.left_out = reduced.left_out;
   out.bench = reduced.bench;
   inference::report(reduced, inferred, out);
-  answer::report_coarse_steps(reduced, inferred, out);
+  answer::report_coarse_steps(inferred, out);
   out.spread_curves = inferred.curves;
   if (!inferred.posterior.forms.empty() || !inferred.unknown.empty())
     answer::report_unknown(reduced, inferred, out);

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "fit/bench/empirical.hpp"
-#include "fit/explain/reduction/together.hpp"
+#include "fit/explain/reading.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain {
@@ -214,6 +214,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
   Predictor p;
   p.functions = functions;
   for (const Active& term : means.best.terms) {
+    if (term.mechanism->happened_once()) continue;
     std::map<std::string, Estimate> parameters;
     for (std::size_t k = 0; k < term.values.size(); ++k)
       parameters[term.mechanism->parameters[k].name] = {term.values[k], term.sigma[k]};
@@ -221,7 +222,7 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
   }
   for (const auto* list : {&accepted, &undecided})
     for (const Suspect& suspect : *list)
-      if (!is_constant_noise(*suspect.mechanism))
+      if (!is_constant_noise(*suspect.mechanism) && !suspect.mechanism->happened_once())
         p.mechanisms.push_back(as_known(*suspect.mechanism, suspect.parameters, name_of(suspect.target)));
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
@@ -242,11 +243,8 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
 }
 
 Prediction predict_recording(const Predictor& predictor, const Recording& recording) {
-  const Together alone({&recording});
-  Reduced before = reduce(*alone.recordings().front(), {}, alone.standing(0), true);
-  if (before.cells.empty())
-    throw std::invalid_argument(
-        "no beam of the recording to be predicted meets a target of its bench. Check the targets' places");
+  Reading reading({&recording}, {}, true);
+  Reduced before = reading.take_reduced();
   Reduced after = before;
   for (const KnownMechanism& found : predictor.mechanisms)
     if (!states(before.bench, found)) add_known(after.bench, found);
@@ -255,6 +253,7 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
   const std::vector<Active> known_before = known_effects(before.bench),
                             known_after = known_effects(after.bench);
   Prediction out;
+  out.notes = reading.notes();
   const auto noise_before = noise_of_captures(before, predictor.constant_before),
              noise_after = noise_of_captures(after, predictor.constant_after);
   Score first, last;

@@ -48,6 +48,8 @@ struct Prediction {
   PredictedFigures before, after;
   double gain = 0, u_gain = 0;  ///< Log-likelihood, whole recording; its standard uncertainty between cells.
   std::vector<PredictedCell> shown;
+  std::vector<std::string>
+      notes;  ///< What of the recording was left out, and why: sentences for the operator.
 };
 
 /// `accepted`, `undecided`: beside the means. `reduced` is left predicted so.

@@ -16,7 +16,8 @@ namespace fit::explain {
 namespace {
 
 /// `passers`: what stood before the targets, in all recordings.
-Reduced reduce_all(const Together& together, const std::vector<Passer>& passers, const Progress& progress) {
+Reduced reduce_all(const Together& together, const std::vector<Passer>& passers, const Progress& progress,
+                   bool keep_samples) {
   const auto& recordings = together.recordings();
   Reduced all;
   for (std::size_t i = 0; i < recordings.size(); ++i) {
@@ -25,7 +26,7 @@ Reduced reduce_all(const Together& together, const std::vector<Passer>& passers,
     const auto report = [&](double share, const std::string& what) {
       if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
     };
-    reduce_into(all, *recordings[i], report, standing);
+    reduce_into(all, *recordings[i], report, standing, keep_samples);
   }
   return all;
 }
@@ -209,18 +210,18 @@ std::string note_on(const std::vector<Passer>& passers, const std::vector<Captur
 
 std::vector<Passer> Reading::read(const Progress& progress) {
   together_ = std::make_unique<Together>(pointers_to(kept_));
-  reduced_ = reduce_all(*together_, {}, progress);
+  reduced_ = reduce_all(*together_, {}, progress, keep_samples_);
   refuse_nothing_to_compare(reduced_);
   std::vector<Passer> passers = reduced_.passers;
   std::ranges::copy(reduction::standing_things(reduced_), std::back_inserter(passers));
   if (passers.empty()) return passers;
   reduced_ = {};  // both would be too much memory
-  reduced_ = reduce_all(*together_, passers, progress);
+  reduced_ = reduce_all(*together_, passers, progress, keep_samples_);
   return passers;
 }
 
-Reading::Reading(const std::vector<const Recording*>& recordings, const Progress& progress)
-    : single_(single_beams(recordings)), kept_(without({}, single_)) {
+Reading::Reading(const std::vector<const Recording*>& recordings, const Progress& progress, bool keep_samples)
+    : single_(single_beams(recordings)), kept_(without({}, single_)), keep_samples_(keep_samples) {
   std::vector<Passer> passers = read(progress);
   const Misplaced misplaced = reduction::misplaced_captures(reduced_, together_->recordings());
   const std::string note_on_places = note_on(misplaced, reduced_),

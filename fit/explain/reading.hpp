@@ -16,8 +16,10 @@ namespace fit::explain {
 /// targets: captures in clusters or from elsewhere than stated, what stood before the targets, dead beams.
 class Reading {
  public:
-  /// Borrows the recordings. Throws std::invalid_argument where nothing can be compared with the bench.
-  Reading(const std::vector<const Recording*>& recordings, const Progress& progress);
+  /// Borrows the recordings. `keep_samples`: in Reduced::kept. Throws std::invalid_argument where nothing can
+  /// be compared with the bench.
+  Reading(const std::vector<const Recording*>& recordings, const Progress& progress,
+          bool keep_samples = false);
 
   /// Given away, as it is large.
   [[nodiscard]] Reduced take_reduced() { return std::move(reduced_); }
@@ -31,6 +33,7 @@ class Reading {
 
   std::vector<SelectedCaptures> single_, kept_;  ///< Of single beams; of these, those that fit somewhere.
   std::unique_ptr<Together> together_;
+  bool keep_samples_;
   Reduced reduced_;
   std::vector<std::string> notes_;
 };

@@ -56,9 +56,9 @@ std::string in_words(const Freedom& freedom, const Bench& bench) {
 
 }  // namespace
 
-void report_coarse_steps(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
+void report_coarse_steps(const Inferred& inferred, Explanation& out) {
   const auto steps = std::ranges::find(inferred.accepted, find_mechanism("rounding"), &Suspect::mechanism);
-  if (steps == inferred.accepted.end() || reduced.bench.knows(steps->mechanism->id)) return;
+  if (steps == inferred.accepted.end()) return;
   out.mechanisms.push_back(found_steps(*steps));
   out.after.log_likelihood += out.mechanisms.back().log_likelihood_gain;
   add_known(out.bench, as_known(*steps->mechanism, steps->parameters));

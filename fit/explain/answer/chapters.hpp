@@ -11,7 +11,7 @@ namespace fit::explain::answer {
 using inference::Inferred;
 
 /// The model has no rows for them.
-void report_coarse_steps(const Reduced& reduced, const Inferred& inferred, Explanation& out);
+void report_coarse_steps(const Inferred& inferred, Explanation& out);
 
 /// What no mechanism of the catalogue explains.
 void report_unknown(const Reduced& reduced, const Inferred& inferred, Explanation& out);

@@ -85,9 +85,7 @@ struct EndOfCounts {
       below += counts_of(cell) < well_below * counts;
       if (counts_of(cell) < alike * counts) continue;
       ++cells;
-      const double power =
-          reflectance_in(reduced.capture_of(cell), reduced.bench.target_at(cell.sight.target)) *
-          cell.at.cos_incidence / std::pow(cell.at.range_mm, 2);
+      const double power = cell.at.reflectance * cell.at.cos_incidence / std::pow(cell.at.range_mm, 2);
       weakest = std::min(weakest, power);
       strongest = std::max(strongest, power);
     }

@@ -62,7 +62,7 @@ class Description {
     const Target& target = reduced_.bench.target_at(c.at.target);
     Echo e;
     e.cell = &c;
-    e.reflectance = reflectance_of(reduced_, c);
+    e.reflectance = c.at.reflectance;
     e.log_counts = std::log(c.at.intensity);
     e.sigma = std::hypot(least_sigma, 0.3 / c.at.intensity);
     const auto found = std::ranges::find_if(

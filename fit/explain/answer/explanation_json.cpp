@@ -50,6 +50,7 @@ json prediction_json(const Prediction& p) {
           {"before", figures_json(p.before)},
           {"after", figures_json(p.after)},
           {"log_likelihood_gain", {{"value", number(p.gain)}, {"u", number(p.u_gain)}}},
+          {"notes", p.notes},
           {"cells", cells}};
 }
 
@@ -155,6 +156,8 @@ std::string to_text(const Explanation& e) {
             rounded(p.after.log_likelihood, 4) + " after; 95 % intervals hold " +
             rounded(100 * p.before.coverage_95, 3) + " % before, " + rounded(100 * p.after.coverage_95, 3) +
             " % after.\n";
+  for (const Prediction& p : e.predictions)
+    for (const std::string& note : p.notes) text += "Note on " + p.session + ": " + note + "\n";
   for (const std::string& note : e.notes) text += "Note: " + note + "\n";
   return text;
 }

@@ -176,7 +176,8 @@ std::vector<Located> located(const Suspect& suspect, const Reduced& reduced) {
 /// Where it acts, or if it does not say so, wherever there is a recording.
 Located located(const Unexplained& u, const Reduced& reduced) {
   Located l{u.coordinate, u.from, u.to, u.observable, p_value(u.gain)};
-  if (const auto there = recorded(reduced, u.coordinate); there && !(u.to > u.from)) {
+  if (const auto there = recorded(reduced, u.coordinate);
+      there && u.from == u.to && u.coordinate != Coordinate::target) {
     l.from = there->from;
     l.to = there->to;
   }

@@ -9,6 +9,7 @@
 #include "fit/explain/experiment/planned.hpp"
 #include "fit/explain/model/hypothesis.hpp"
 #include "fit/explain/model/mean_model.hpp"
+#include "fit/explain/reading.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 
 namespace fit::explain {
@@ -18,11 +19,13 @@ constexpr int few_scans = 3;       // only where beams go is of interest
 constexpr double k_95 = 1.959964;  // of a normal distribution
 
 /// What the bench knows of mechanisms, ready to act, and which of them have values that count as uncertain:
-/// where targets stand does so by itself.
+/// where targets stand does so by itself. What happened once happens in no other recording.
 struct Known {
   std::vector<Active> at_work, doubtful;
 
-  explicit Known(const Bench& bench) : at_work(known_to_be_at_work(bench)), doubtful(at_work) {
+  explicit Known(const Bench& bench) : at_work(known_to_be_at_work(bench)) {
+    std::erase_if(at_work, [](const Active& known) { return known.mechanism->happened_once(); });
+    doubtful = at_work;
     std::erase_if(doubtful, [](const Active& known) { return bool(known.mechanism->displaces); });
   }
 };
@@ -36,8 +39,7 @@ Eigen::MatrixXd columns_of_doubt(const MeanModel& model, const Known& known, con
   return all;
 }
 
-Reduced reduced_by(const Bench& twin, const Known& known, const Recording& recording, bool keep_samples) {
-  Reduced reduced = reduce(recording, {}, {}, keep_samples);
+Reduced predicted(const Bench& twin, const Known& known, Reduced reduced) {
   predict(reduced, Nuisance(twin), known.at_work, false);
   return reduced;
 }
@@ -51,7 +53,7 @@ Eigen::MatrixXd left_open(const Bench& twin, const Known& known, const Eigen::Ve
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index i = 0; i < u.size(); ++i) information(i, i) = 1;
   for (const Recording* recording : recordings) {
-    Reduced reduced = reduced_by(twin, known, *recording, false);
+    Reduced reduced = predicted(twin, known, Reading({recording}, {}).take_reduced());
     if (reduced.smooth_cells() == 0) continue;
     pool_variances(reduced);
     const MeanModel model(reduced, {});
@@ -88,7 +90,8 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
   seen.reserve(learnt_from.size());
   for (const Recording* recording : learnt_from) list.push_back(&seen.emplace_back(twin, *recording));
   const Eigen::MatrixXd covariance = left_open(twin, known, u, list);
-  Reduced reduced = reduced_by(twin, known, Planned(twin, planned, law_of_bench(twin), few_scans, 0), false);
+  Reduced reduced =
+      predicted(twin, known, reduce(Planned(twin, planned, law_of_bench(twin), few_scans, 0), {}));
   if (reduced.smooth_cells() == 0)
     throw std::invalid_argument(
         "no beam of the planned captures meets a target squarely enough to foretell it");
@@ -110,13 +113,17 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
 ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording& recorded) {
   const Known known(twin);
   const SeenByTwin seen(twin, recorded);
-  const Reduced reduced = reduced_by(twin, known, seen, true);
+  Reading reading({&seen}, {}, true);
+  const Reduced reduced = predicted(twin, known, reading.take_reduced());
+  std::map<std::int64_t, int> planned_as;  // by a capture's number; some may have been left out
+  for (const CaptureInfo& capture : recorded.captures())
+    planned_as.try_emplace(capture.id, static_cast<int>(planned_as.size()));
   std::map<long, const Foreseen*> predicted_at;
   for (const Foreseen& beam : forecast.beams) predicted_at[place_of(beam.capture, beam.beam_rad)] = &beam;
   ForecastScore out;
   double squares = 0, means = 0, expected = 0, within = 0, means_within = 0;
   for (const Cell& cell : reduced.cells) {
-    const int capture = reduced.group_of(cell).capture;
+    const int capture = planned_as.at(reduced.capture_of(cell).id);
     const auto found = predicted_at.find(place_of(capture, cell.beam_rad));
     if (found == predicted_at.end() || cell.n < 1 || !cell.smooth) continue;
     const Foreseen& beam = *found->second;

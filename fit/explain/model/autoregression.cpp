@@ -58,17 +58,6 @@ double spectral_density(double phase_rad, double rho, double share) {
   return 1 - share + share * (1 - rho * rho) / (1 - 2 * rho * std::cos(phase_rad) + rho * rho);
 }
 
-void RememberedNoise::whiten(Eigen::Ref<Eigen::VectorXd> values) const {
-  if (share_ * rho_ == 0) return;
-  double expected = 0, variance = share_;  // of the part that is remembered
-  for (double& value : values) {
-    const double total = variance + 1 - share_, innovation = value - expected;
-    value = innovation / std::sqrt(total);
-    expected = rho_ * (expected + variance / total * innovation);
-    variance = rho_ * rho_ * variance * (1 - share_) / total + share_ * (1 - rho_ * rho_);
-  }
-}
-
 double added_to_mean(int n, double rho) {
   double sum = 0;
   for (int lag = 1; lag < n; ++lag) sum += 2 * (1 - static_cast<double>(lag) / n) * std::pow(rho, lag);

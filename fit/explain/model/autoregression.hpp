@@ -29,18 +29,6 @@ using LagCovariance = Eigen::Matrix<double, lag_bands.size(), lag_bands.size()>;
 /// Spectral density of such noise of variance one at a phase from value to value; of white noise it is one.
 [[nodiscard]] double spectral_density(double phase_rad, double rho, double share);
 
-/// Noise of variance one of which a share has memory, value after value: a filter that leaves white noise,
-/// the innovations of Kalman (1960).
-class RememberedNoise {
- public:
-  RememberedNoise() = default;  ///< None is remembered.
-  RememberedNoise(double rho, double share) : rho_(rho), share_(share) {}
-  void whiten(Eigen::Ref<Eigen::VectorXd> values) const;
-
- private:
-  double rho_ = 0, share_ = 0;
-};
-
 /// What the correlation of n values adds to the variance of their mean, in units of that which n values
 /// without memory have.
 [[nodiscard]] double added_to_mean(int n, double rho);

@@ -30,17 +30,21 @@ Eigen::VectorXd scaled(const Rows& channel, Coordinate coordinate) {
   return x;
 }
 
-/// Root mean square of an effect in each of its ways, over the rows.
+/// Root mean square of an effect in each of its ways, over the rows; about its mean where a constant of any
+/// size stands beside it.
 Effect typical_of(const Rows& channel, const Term& term) {
   Effect rms;
-  double count = 0;
+  double count = 0, sum_mm = 0;
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     if (term.kind->target >= 0 && at.target != term.kind->target) continue;
     const Effect e = term.kind->mechanism->act(at, term.values);
     for (const auto way : ways_to_act()) rms.*way += e.*way * e.*way;
+    sum_mm += e.range_mm;
     count += 1;
   }
+  if (term.kind->mechanism->set_right_mm && count > 0)
+    rms.range_mm = std::max(0.0, rms.range_mm - sum_mm * sum_mm / count);
   for (const auto way : ways_to_act()) rms.*way = std::sqrt(rms.*way / std::max(1.0, count));
   return rms;
 }

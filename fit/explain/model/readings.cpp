@@ -71,7 +71,7 @@ Reading reading_of(const Reduced& reduced, const std::vector<const Cell*>& cells
   const Cell& middle = *cells[(cells.size() - 1) / 2];
   Reading reading;
   reading.at = middle.at;
-  reading.at.reflectance = reflectance_of(reduced, middle);
+  reading.at.reflectance = middle.at.reflectance;
   reading.capture = reduced.group_of(middle).capture;
   const auto by_law = [&](const Cell& c) {
     return law.log_counts(reading.at.reflectance, c.at.cos_incidence, c.at.range_mm);

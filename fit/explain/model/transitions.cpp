@@ -158,7 +158,7 @@ struct Beams {
     for (const auto& [angle, beside] : list) {
       beams.push_back(beside);
       beams.back().n = std::min(most_samples, beside.n);
-      beams.back().on_neither = std::min(most_samples, beside.on_neither);
+      beams.back().on_neither *= beams.back().n / beside.n;
       light.at(angle).note(beams.back());
     }
     return beams;

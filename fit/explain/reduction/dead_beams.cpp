@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fit/explain/reduction/left_out.hpp"
+#include "fit/explain/reduction/margins.hpp"
 #include "fit/numeric/median.hpp"
 
 namespace fit::explain::reduction {
@@ -80,7 +81,7 @@ namespace {
 /// near an edge.
 std::optional<double> apart_mm(std::span<const Cell> cells, std::size_t i) {
   const Cell& cell = cells[i];
-  if (cell.n == 0 || cell.edge >= 0) return {};
+  if (cell.n == 0 || std::abs(cell.at.edge_rad) < edge_window_rad) return {};
   const double own = cell.mean_mm - cell.nominal_mm;
   const auto beyond = [&](std::size_t k) -> std::optional<double> {
     if (!cells[k].smooth || cells[k].at.target != cell.at.target) return {};

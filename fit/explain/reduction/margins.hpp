@@ -26,6 +26,9 @@ constexpr double doubt_of_mount = 3;
 /// Standard uncertainty of the range at which a beam meets a target, by what the bench file says of both, mm.
 [[nodiscard]] double misplaced_mm(const Bench& bench, const Sight& sight);
 
+/// Within this of an edge, samples may be of both surfaces.
+inline constexpr double edge_window_rad = 2.5 * rad_per_deg;
+
 /// Within this of an edge, part of a beam of usual width passes it.
 inline constexpr double beside_rad = 0.5 * rad_per_deg;
 

@@ -11,7 +11,6 @@ namespace {
 
 constexpr double edge_margin_rad = 1.3 * rad_per_deg;   // half a footprint and doubt about the yaw
 constexpr double brink_margin_rad = 0.8 * rad_per_deg;  // where nothing lies behind the edge: only the yaw
-constexpr double edge_window_rad = 2.5 * rad_per_deg;
 
 Circumstances circumstances(const Reduced& session, const Setting& setting, const Cell& cell, double beam_s) {
   const auto& [capture, group, samples, scene, edges] = setting;

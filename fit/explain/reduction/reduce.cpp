@@ -175,8 +175,7 @@ class Reducer {
 void expect_echoes(Reduced& session, std::size_t first_cell) {
   const IntensityLaw law = law_of_bench(session.bench);
   for (Cell& cell : std::span(session.cells).subspan(first_cell))
-    cell.at.intensity =
-        law.counts(reflectance_of(session, cell), cell.sight.cos_incidence(), cell.sight.range_mm);
+    cell.at.intensity = law.counts(cell.at.reflectance, cell.sight.cos_incidence(), cell.sight.range_mm);
 }
 
 }  // namespace

@@ -264,9 +264,4 @@ class SearchRows {
 /// Of more, neighbours come together in a bin of any picture or table anyway.
 constexpr std::size_t rows_for_tables = 100'000;
 
-/// Nominal reflectance of what a cell's beam meets, 0..1.
-[[nodiscard]] inline double reflectance_of(const Reduced& reduced, const Cell& cell) {
-  return reflectance_in(reduced.capture_of(cell), reduced.bench.target_at(cell.at.target));
-}
-
 }  // namespace fit::explain

@@ -121,9 +121,10 @@ std::map<int, SeenEdge> seen_edges(const Reduced& reduced, const Nuisance& fitte
       if (cell.stray == 0 && behind.target >= 0 && behind.target != cell.edge / 2) {
         const double near = scene.look_at(cell.edge / 2, group.stage_rad, cell.beam_rad, effect).range_mm,
                      far = scene.look_at(behind.target, group.stage_rad, cell.beam_rad, effect).range_mm;
-        beside.place = (cell.mean_mm - effect.range_mm - near) / std::max(1.0, far - near);
+        const double gap_mm = std::max(1.0, far - near);
+        beside.place = (cell.mean_mm - effect.range_mm - near) / gap_mm;
         beside.u_place =
-            std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) / std::sqrt(1.0 * cell.n) / (far - near);
+            std::max(group.sigma_mm, std::sqrt(cell.variance_mm2)) / std::sqrt(1.0 * cell.n) / gap_mm;
       }
       seen.beams.push_back(beside);
     }

@@ -27,7 +27,8 @@ Returned returned_to(const Cell& cell, const Setting& setting, const Beams& beam
   const auto aside_mm = [&](int beam) {
     if (beams.count == 1) return 0.0;
     const double beam_rad = samples.beam_rad[static_cast<std::size_t>(beam)];
-    return setting.scene.look(setting.group.stage_rad, beam_rad).range_mm - cell.nominal_mm;
+    const Sight sight = setting.scene.look(setting.group.stage_rad, beam_rad);
+    return sight.target < 0 ? 0 : sight.range_mm - cell.nominal_mm;
   };
   for (int scan = 0; scan < samples.scans; ++scan) {
     for (int beam = beams.first; beam < beams.first + beams.count; ++beam) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/reduction/left_out.hpp"
 #include "plain_room.hpp"
 
 namespace explain_as_they_are_test {
@@ -225,6 +226,7 @@ TEST_CASE("a lidar that is knocked about while it runs is told as that, with its
   CHECK(found.at("yaw_deg").value == Approx(0.15).margin(4 * found.at("yaw_deg").u));
   CHECK(found.at("x_mm").u < 0.3);
   CHECK(!e.unknown);
+  CHECK(e.predictor.mechanisms.empty());  // it happened once, and in no other recording
 }
 
 TEST_CASE("a curtain that hangs elsewhere every time is told as that, and moves nothing else") {
@@ -280,6 +282,37 @@ TEST_CASE(
   INFO(to_text(e));
   CHECK(e.verdict == fit::explain::nothing_missing);
   CHECK_THAT(to_text(e), Catch::Contains("Beams at -135 deg and -35 deg read far otherwise"));
+}
+
+TEST_CASE("a beam that reads far otherwise is found wherever no edge is near it") {
+  constexpr std::size_t beams = 9, stops = 4, odd = 4;
+  for (const double to_edge_rad : {0.5, 0.01}) {
+    fit::explain::Reduced reduced;
+    for (std::size_t stop = 0; stop < stops; ++stop) {
+      fit::explain::Group group;
+      group.stage_rad = 0.2 * static_cast<double>(stop);
+      group.first_cell = reduced.cells.size();
+      for (std::size_t i = 0; i < beams; ++i) {
+        fit::explain::Cell cell;
+        cell.group = static_cast<int>(stop);
+        cell.beam_rad = static_cast<double>(i) * degree;
+        cell.n = 20;
+        cell.smooth = true;
+        cell.edge = 0;  // the nearest one, wherever it is
+        cell.at.edge_rad = to_edge_rad;
+        cell.at.target = 0;
+        cell.nominal_mm = 2000;
+        cell.mean_mm = 2000 + (i == odd ? 80 : 0.1 * static_cast<double>(i % 2));
+        reduced.cells.push_back(cell);
+      }
+      group.last_cell = reduced.cells.size();
+      reduced.groups.push_back(group);
+    }
+    const auto found = fit::explain::reduction::leave_out_odd_beams(reduced);
+    INFO(to_edge_rad);
+    CHECK(found.size() == (to_edge_rad > 0.1 ? 1 : 0));
+    CHECK(reduced.cells[odd].smooth == (to_edge_rad < 0.1));
+  }
 }
 
 TEST_CASE("a wall with a nail in it has no broken beam: another one sees it from each stop") {

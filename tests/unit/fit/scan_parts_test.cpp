@@ -9,8 +9,9 @@
 #include <vector>
 
 #include "fit/explain/model/autoregression.hpp"
-#include "fit/explain/model/block_means.hpp"
+#include "fit/explain/model/noise_of_scans.hpp"
 #include "fit/explain/model/scans.hpp"
+#include "fit/explain/reduction/lag_products.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 #include "plain_room.hpp"
 
@@ -165,32 +166,113 @@ TEST_CASE("captures of few scans that remember nothing are not taken for slow no
   CHECK(most < 2);
 }
 
-TEST_CASE("remembered noise divided out has the likelihood of its covariance, whatever its share") {
-  constexpr int n = 40;
+/// Of two parts, each with a range and an angle, in so many scans; the second part is not in every scan.
+std::vector<fit::explain::model::ScanPart> ranges_and_angles(int scans) {
+  std::vector<fit::explain::model::ScanPart> list;
+  for (int scan = 0; scan < scans; ++scan)
+    for (const int part : {0, 1})
+      for (const bool of_angle : {false, true}) {
+        if (part == 1 && scan % 5 == 2) continue;
+        fit::explain::model::ScanPart one;
+        one.scans = scans;
+        one.in_capture = scan;
+        one.block = 2 * part + (of_angle ? 1 : 0);
+        one.of_angle = of_angle;
+        one.lever_mm = of_angle ? 900 : part == 0 ? 2000 : -1500;
+        one.variance_mm2 = part == 0 ? 0.3 : 0.7;
+        list.push_back(one);
+      }
+  return list;
+}
+
+TEST_CASE(
+    "noise that scans share, of any memory, has the likelihood of its covariance beside blocks' means") {
+  using fit::explain::model::RandomOfScans;
+  const auto parts = ranges_and_angles(12);
+  const auto n = static_cast<Eigen::Index>(parts.size());
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
-  for (const auto& [rho, share] : {std::pair(0.9, 0.3), {0.5, 1.0}, {0.95, 0.05}, {0.0, 0.0}}) {
-    Eigen::MatrixXd covariance(n, n);
-    for (int i = 0; i < n; ++i)
-      for (int k = 0; k < n; ++k) covariance(i, k) = i == k ? 1 : share * std::pow(rho, std::abs(i - k));
-    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
-    Eigen::VectorXd values(n);
-    for (double& value : values) value = normal(random);
-    const double expected = root.matrixL().solve(values).squaredNorm();
-    fit::explain::model::RememberedNoise(rho, share).whiten(values);
-    INFO(rho << " of " << share);
-    CHECK(values.squaredNorm() == Approx(expected));
+  const std::pair<RandomOfScans, RandomOfScans> cases[] = {
+      {{}, {}},
+      {{.fresh = 0.4}, {.fresh = 1e-7}},
+      {{.slow = 0.5, .rho = 0.95}, {}},
+      {{.own = 0.6, .rho = 0.8}, {.own = 0.3, .rho = 0.5}},
+      {{.fresh = 0.2, .slow = 0.5, .own = 0.4, .rho = 0.9}, {.fresh = 2e-8, .slow = 1e-7, .rho = 0.7}}};
+  for (const auto& [range, angle] : cases) {
+    Eigen::MatrixXd covariance(n, n), means = Eigen::MatrixXd::Zero(n, 4), column(n, 1);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const auto& a = parts[static_cast<std::size_t>(i)];
+      means(i, a.block) = 1;
+      column(i, 0) = normal(random);
+      for (Eigen::Index k = 0; k < n; ++k) {
+        const auto& b = parts[static_cast<std::size_t>(k)];
+        const int lag = std::abs(a.in_capture - b.in_capture);
+        const auto shared = [&](const RandomOfScans& of) {
+          return of.slow * std::pow(of.rho, lag) + (lag == 0 ? of.fresh : 0);
+        };
+        double both = a.lever_mm * b.lever_mm * shared(angle);
+        if (!a.of_angle && !b.of_angle) both += shared(range);
+        const RandomOfScans& of = a.of_angle ? angle : range;
+        if (a.block == b.block) both += a.variance_mm2 * (i == k ? 1 : of.own * std::pow(of.rho, lag));
+        covariance(i, k) = both;
+      }
+    }
+    const Eigen::LDLT<Eigen::MatrixXd> root(covariance);
+    const Eigen::MatrixXd of_means = root.solve(means);
+    const Eigen::VectorXd shift = (means.transpose() * of_means).ldlt().solve(of_means.transpose() * column),
+                          left = column - means * shift;
+    const double expected = left.dot(root.solve(left));
+    fit::explain::model::NoiseOfScans(0, parts, range, angle).whiten(column);
+    INFO("range " << range.fresh << ' ' << range.slow << ' ' << range.own);
+    CHECK(column.squaredNorm() == Approx(expected));
   }
 }
 
-TEST_CASE("of rows whose noise is remembered the mean of a block says nothing") {
-  fit::explain::model::BlockMeans means;
-  means.weight = Eigen::VectorXd::LinSpaced(6, 1, 2);
-  means.blocks = {{0, 2, 4}, {1, 3, 5}};
-  means.noise = {fit::explain::model::RememberedNoise(0.8, 0.5), {}};
-  Eigen::MatrixXd column = Eigen::MatrixXd::Constant(6, 1, 3.0);
-  means.whiten(column);
-  CHECK(column.norm() < 1e-12);
+TEST_CASE("of noise with memory what beams have each by itself is not a scan's") {
+  // A hundred beams: all of it their own, or a drift of whole scans.
+  for (const bool shared : {false, true}) {
+    fit::explain::Reduced reduced;
+    constexpr int scans = 20, beams = 100, captures = 15;
+    constexpr double rho = 0.9;
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal;
+    for (int capture = 0; capture < captures; ++capture) {
+      fit::explain::Group group;
+      group.scans = scans;
+      group.cells = beams;
+      fit::explain::reduction::LagProducts products(beams);
+      std::vector<double> slow(beams);
+      for (double& value : slow) value = normal(random);
+      std::vector<std::vector<double>> rows(scans, std::vector<double>(beams));
+      for (auto& row : rows)
+        for (std::size_t b = 0; b < row.size(); ++b) {
+          row[b] = shared ? normal(random) : slow[b];
+          slow[b] = rho * slow[b] + std::sqrt(1 - rho * rho) * normal(random);
+        }
+      for (std::size_t b = 0; b < beams; ++b) {
+        double mean = 0;
+        for (const auto& row : rows) mean += row[b] / scans;
+        for (auto& row : rows) row[b] -= mean;
+      }
+      for (const auto& row : rows) products.add(row, group);
+      reduced.groups.push_back(group);
+    }
+    fit::explain::model::ScatterOfScans scatter;
+    scatter.variance = 0.01;
+    scatter.rho = rho;
+    scatter.ratio = shared ? 30 : 1;
+    scatter.share = 0.95;
+    const auto found = fit::explain::model::random_of_scans(reduced, scatter);
+    INFO(shared);
+    if (shared) {
+      CHECK(found.own == 0);
+      CHECK(found.slow == Approx(0.95 * 30 * 0.01));
+      CHECK(found.fresh == Approx((29 - 0.95 * 30) * 0.01));
+    } else {
+      CHECK(found.own == Approx(0.95).margin(0.05));
+      CHECK(found.slow < 0.001);
+    }
+  }
 }
 
 }  // namespace scan_parts_test

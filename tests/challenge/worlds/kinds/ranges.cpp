@@ -87,7 +87,11 @@ std::vector<Kind> kinds_of_ranges() {
                      {"receiver", {{"timing", "fraction"}, {"fraction", 0.5}}}};
        },
        nothing_known,
-       60},
+       60,
+       true,
+       false,
+       true,
+       {"mixed-pixel"}},  // such a beam meets two surfaces at an edge
       {"subsurface",
        {"room", "boards"},
        [](S x, D d, double s) { return of_target(x, d, "depth_mm", 5 * s); },
