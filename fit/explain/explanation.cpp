@@ -28,6 +28,19 @@ std::string on_unmet(const Reduced& reduced) {
                    " where the bench file has them: correct their places, or the mount's, or take them out";
 }
 
+/// A setting of firmware or driver, or its largest number.
+Unexplained on_limit(const Reduced& reduced) {
+  const auto& [mm, share] = *reduced.limit;
+  Unexplained u;
+  u.coordinate = Coordinate::range;
+  u.from = mm;
+  for (const Cell& cell : reduced.cells) u.to = std::max({mm, u.to, cell.nominal_mm});
+  u.describes = "no range is longer than " + rounded(mm, 6) + " mm, and " + rounded(100 * share, 2) +
+                " % of the echoes read exactly that, where targets are as far away or farther: a limit of "
+                "firmware or driver. These beams were left out";
+  return u;
+}
+
 /// How wide beams are at edges; 0: nothing shows it.
 double width_at_edges_rad(const Reduced& reduced) {
   const auto widths = model::widths_of(model::transitions(reduced));
@@ -41,6 +54,7 @@ inference::Inferred search(Reduced& reduced, const Progress& progress) {
   noise.footprint_rad = width_at_edges_rad(reduced);
   std::vector<Unexplained> unknown;
   if (!reduced.unmet.empty()) unknown.push_back({.describes = on_unmet(reduced)});
+  if (reduced.limit) unknown.push_back(on_limit(reduced));
   const std::optional<Suspect> steps = find_coarse_steps(reduced);
   reduced.vibration_hz = vibration(reduced, unknown);
   if (progress) progress(unknown_share, "comparing hypotheses");

@@ -10,6 +10,7 @@
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/range_limit.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 
 namespace fit::explain {
@@ -212,11 +213,23 @@ std::vector<Passer> Reading::read(const Progress& progress) {
   together_ = std::make_unique<Together>(pointers_to(kept_));
   reduced_ = reduce_all(*together_, {}, progress, keep_samples_);
   refuse_nothing_to_compare(reduced_);
+  std::vector<Passer> hidden;
+  const auto read_again = [&] {
+    const std::optional<RangeLimit> limit = reduced_.limit;
+    reduced_ = {};  // both would be too much memory
+    reduced_ = reduce_all(*together_, hidden, progress, keep_samples_);
+    reduced_.limit = limit;
+  };
+  reduced_.limit = reduction::range_limit(reduced_);
+  if (reduced_.limit) {
+    hidden = reduction::beyond(reduced_, *reduced_.limit);
+    read_again();
+  }
   std::vector<Passer> passers = reduced_.passers;
   std::ranges::copy(reduction::standing_things(reduced_), std::back_inserter(passers));
   if (passers.empty()) return passers;
-  reduced_ = {};  // both would be too much memory
-  reduced_ = reduce_all(*together_, passers, progress, keep_samples_);
+  std::ranges::copy(passers, std::back_inserter(hidden));
+  read_again();
   return passers;
 }
 

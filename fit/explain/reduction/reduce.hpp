@@ -144,6 +144,11 @@ struct Passer {
   std::optional<Eigen::Vector2d> at_mm = {};  ///< The middle of its front, if it stood there throughout.
 };
 
+/// The number that is delivered for whatever is farther away, and the share of samples that are it.
+struct RangeLimit {
+  double mm = 0, share = 0;
+};
+
 /// A mean so far off has nothing to do with the target that the bench file has there.
 constexpr double astray_mm = 400;
 
@@ -163,6 +168,7 @@ struct Reduced {
   std::vector<float> strays_mm, strays_of_target;
   std::size_t most_strays = 0;  ///< With those of the recording that is being read.
   std::vector<Passer> passers;  ///< Seen in some scans of a capture.
+  std::optional<RangeLimit> limit;
   std::vector<int> unmet;       ///< Targets that hardly a beam meets where the bench file has them.
   long samples = 0;
   double reference_temperature_c = 0;

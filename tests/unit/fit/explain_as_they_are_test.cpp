@@ -284,6 +284,17 @@ TEST_CASE(
   CHECK_THAT(to_text(e), Catch::Contains("Beams at -135 deg and -35 deg read far otherwise"));
 }
 
+TEST_CASE("ranges that all end at one number are told as a limit, and are nothing that stood there") {
+  const Explanation e =
+      explained({.delivers = [](int, double, double mm) { return std::min(mm, 3400.0); }}, 12);
+  INFO(to_text(e));
+  CHECK(e.verdict == "unknown-physics");
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  CHECK_THAT(to_text(e), Catch::Contains("no range is longer than 3400 mm") &&
+                             !Catch::Contains("Something stood before"));
+}
+
 TEST_CASE("a beam that reads far otherwise is found wherever no edge is near it") {
   constexpr std::size_t beams = 9, stops = 4, odd = 4;
   for (const double to_edge_rad : {0.5, 0.01}) {
