@@ -14,6 +14,14 @@ std::vector<Mechanism> all();
 
 namespace fit {
 
+Displacement& Displacement::operator+=(const Displacement& other) {
+  out_mm += other.out_mm;
+  turn_rad += other.turn_rad;
+  aside_mm += other.aside_mm;
+  thicker_mm += other.thicker_mm;
+  return *this;
+}
+
 Effect& Effect::operator+=(const Effect& other) {
   range_mm += other.range_mm;
   beam_rad += other.beam_rad;

@@ -80,7 +80,9 @@ struct Circumstances {
 /// How its target stands against what is stated: out along its normal, and turned about its middle,
 /// counter-clockwise; a round one out and aside (counter-clockwise), and of another radius.
 struct Displacement {
-  double offset_mm = 0, turn_rad = 0, aside_mm = 0, thicker_mm = 0;
+  double out_mm = 0, turn_rad = 0, aside_mm = 0, thicker_mm = 0;
+
+  Displacement& operator+=(const Displacement& other);
 };
 
 /// What mm out and aside make of the range: on a round target, where it is met.

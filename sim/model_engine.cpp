@@ -59,7 +59,8 @@ class ModelEngine : public Engine {
     std::ranges::copy_if(active_, std::back_inserter(dimming_), dims);
     std::erase_if(active_, dims);
     for (const fit::Active& one : active_)
-      if (displaces(one)) put_elsewhere(one);
+      if (displaces(one))
+        stands_[static_cast<std::size_t>(one.target)] += one.mechanism->displaces(one.values);
     std::erase_if(active_, displaces);
     scene_ = fit::Scene(bench_, stands_);
     put_ = stands_;
@@ -143,14 +144,6 @@ class ModelEngine : public Engine {
   }
 
   static bool displaces(const fit::Active& one) { return one.target >= 0 && one.mechanism->displaces; }
-  void put_elsewhere(const fit::Active& one) {
-    const fit::Displacement by = one.mechanism->displaces(one.values);
-    fit::Stands& stands = stands_[static_cast<std::size_t>(one.target)];
-    stands.out_mm += by.offset_mm;
-    stands.aside_mm += by.aside_mm;
-    stands.turn_rad += by.turn_rad;
-    stands.thicker_mm += by.thicker_mm;
-  }
 
   [[nodiscard]] static fit::Effect effect(const std::vector<fit::Active>& active,
                                           const fit::Circumstances& c) {

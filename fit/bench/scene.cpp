@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "fit/mechanism.hpp"
-
 namespace fit {
 namespace {
 

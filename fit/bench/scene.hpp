@@ -8,17 +8,12 @@
 #include <vector>
 
 #include "fit/bench/bench.hpp"
+#include "fit/mechanism.hpp"
 
 namespace fit {
 
-struct Circumstances;
-
 /// How one target of a bench stands at the moment, against what the bench file states.
-struct Stands {
-  double out_mm = 0;                  ///< Along its outward normal.
-  double aside_mm = 0;                ///< Of a round one: across that, counter-clockwise.
-  double turn_rad = 0;                ///< Of a flat one: about its middle, counter-clockwise.
-  double thicker_mm = 0;              ///< Of a round one: its radius.
+struct Stands : Displacement {
   std::optional<double> reflectance;  ///< Another than the bench file's.
   bool moved = false;                 ///< Put elsewhere on purpose: it forms no corner with others any more.
   bool absent = false;                ///< Not there at all.

@@ -18,7 +18,7 @@ Mechanism make_target_offset() {
   m.act = [](const Circumstances& c, std::span<const double> p) {
     return Effect{.range_mm = range_of_move(c, p[0], p[1])};
   };
-  m.displaces = [](std::span<const double> p) { return Displacement{.offset_mm = p[0], .aside_mm = p[1]}; };
+  m.displaces = [](std::span<const double> p) { return Displacement{.out_mm = p[0], .aside_mm = p[1]}; };
   m.looks_like = {"target-radius"};  // of a round one of which only the middle is met
   m.says = [](const Finding& f) {
     const Estimate offset = f.at("offset_mm");

@@ -55,8 +55,8 @@ struct ImaginedRoom {
     truth.x_mm += 3 * normal(*random);
     truth.y_mm += 3 * normal(*random);
     truth.yaw_rad += 0.3 * fit::rad_per_deg * normal(*random);
-    for (double& offset : truth.offset_mm) offset += 1.5 * normal(*random);
-    truth.turn_rad[2] += third_wall_turned_deg * fit::rad_per_deg;
+    for (fit::Displacement& target : truth.targets) target.out_mm += 1.5 * normal(*random);
+    truth.targets[2].turn_rad += third_wall_turned_deg * fit::rad_per_deg;
     const auto self = std::make_shared<const ImaginedRoom>(*this);
     SyntheticRecording recording(b, [=](const fit::CaptureInfo& info, std::int64_t seq, auto& range,
                                         auto& intensity) {

@@ -51,7 +51,7 @@ Unexplained of_shapes(const Reduced& reduced, const Inferred& inferred) {
 std::string in_words(const Freedom& freedom, const Bench& bench) {
   return (freedom.target < 0 ? "The lidar's mount "
                              : "Target '" + bench.target_at(freedom.target).name + "' ") +
-         freedom.in_words();
+         freedom.in_words;
 }
 
 }  // namespace
@@ -74,18 +74,16 @@ void report_unknown(const Reduced& reduced, const Inferred& inferred, Explanatio
 
 void doubt_bench_file(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
   constexpr double hardly_possible = 3.5;  // standard uncertainties
-  const Eigen::VectorXd u = Nuisance::prior_sigma(reduced.bench),
-                        all_off =
-                            inferred.means.best.nuisance.as_vector() - Nuisance(reduced.bench).as_vector();
-  const std::vector<Freedom> freedoms = freedoms_of(reduced.bench);
-  for (Eigen::Index i = 0; i < u.size(); ++i) {
-    const double off = all_off[i];
-    if (u[i] <= 0 || std::abs(off) < hardly_possible * u[i]) continue;
-    const Freedom& freedom = freedoms[static_cast<std::size_t>(i)];
+  const Eigen::VectorXd all_off =
+      inferred.means.best.nuisance.as_vector() - Nuisance(reduced.bench).as_vector();
+  const double* next_off = all_off.data();
+  for (const Freedom& freedom : freedoms_of(reduced.bench)) {
+    const double off = *next_off++;
+    if (freedom.u <= 0 || std::abs(off) < hardly_possible * freedom.u) continue;
     out.notes.push_back(in_words(freedom, reduced.bench) + " comes out " +
-                        rounded(off * (freedom.is_angle() ? deg_per_rad : 1), 3) +
-                        (freedom.is_angle() ? " deg" : " mm") + " from what the bench file states, " +
-                        rounded(std::abs(off) / u[i], 2) +
+                        rounded(off * (freedom.is_angle ? deg_per_rad : 1), 3) +
+                        (freedom.is_angle ? " deg" : " mm") + " from what the bench file states, " +
+                        rounded(std::abs(off) / freedom.u, 2) +
                         " times its uncertainty: check the bench file before looking for physics.");
   }
 }
@@ -98,19 +96,18 @@ void correct_bench(const Inferred& inferred, Bench& bench) {
   mount.yaw_rad.value = n.yaw_rad;
   for (std::size_t i = 0; i < bench.targets.size(); ++i) {
     Target& target = bench.targets[i];
+    const Displacement& off = n.targets[i];
     if (target.round) {
       RoundShape shape = *target.round;
       const Eigen::Vector2d outward = target.outward_normal();
-      shape.centre_mm +=
-          n.offset_mm[i] * outward + n.aside_mm[i] * Eigen::Vector2d(-outward.y(), outward.x());
-      shape.radius_mm += n.thicker_mm[i];
+      shape.centre_mm += off.out_mm * outward + off.aside_mm * Eigen::Vector2d(-outward.y(), outward.x());
+      shape.radius_mm += off.thicker_mm;
       target.set_round(shape);
       continue;
     }
-    const Eigen::Vector2d middle =
-                              (target.from_mm + target.to_mm) / 2 + n.offset_mm[i] * target.outward_normal(),
+    const Eigen::Vector2d middle = (target.from_mm + target.to_mm) / 2 + off.out_mm * target.outward_normal(),
                           half = (target.to_mm - target.from_mm) / 2;
-    const Eigen::Vector2d turned = Eigen::Rotation2Dd(n.turn_rad[i]) * half;
+    const Eigen::Vector2d turned = Eigen::Rotation2Dd(off.turn_rad) * half;
     target.from_mm = middle - turned;
     target.to_mm = middle + turned;
   }

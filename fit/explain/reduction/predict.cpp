@@ -25,13 +25,8 @@ Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<
   for (const Active& active : at_work) {
     if (!active.mechanism->displaces || active.target < 0) continue;
     const Displacement moved = active.mechanism->displaces(active.values);
-    for (std::size_t i = 0; i < reduced.bench.targets.size(); ++i) {
-      if (reduced.same_as[i] != active.target) continue;
-      nuisance.offset_mm[i] += moved.offset_mm;
-      nuisance.turn_rad[i] += moved.turn_rad;
-      nuisance.aside_mm[i] += moved.aside_mm;
-      nuisance.thicker_mm[i] += moved.thicker_mm;
-    }
+    for (std::size_t i = 0; i < nuisance.targets.size(); ++i)
+      if (reduced.same_as[i] == active.target) nuisance.targets[i] += moved;
   }
   return nuisance;
 }

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 
 namespace fit::explain {
@@ -16,36 +15,7 @@ Eigen::Vector2d turned(const Eigen::Vector2d& v, double angle) {
 
 Eigen::Vector2d quarter(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
-/// What the numbers of the mount and of targets are, in the order of Freedom::Of.
-struct MountRow {
-  const char* in_words;
-  double Nuisance::*value;
-  Estimate Mount::*stated;
-};
-constexpr MountRow mount_rows[] = {{"x", &Nuisance::x_mm, &Mount::x_mm},
-                                   {"y", &Nuisance::y_mm, &Mount::y_mm},
-                                   {"yaw", &Nuisance::yaw_rad, &Mount::yaw_rad}};
-const MountRow& mount_row(const Freedom& freedom) { return mount_rows[static_cast<std::size_t>(freedom.of)]; }
-
-struct TargetRow {
-  const char* in_words;
-  std::vector<double> Nuisance::*value;
-  double Target::*u;  ///< Null: of the round shape.
-  double Hit::*per;
-};
-constexpr TargetRow target_rows[] = {{"offset", &Nuisance::offset_mm, &Target::u_mm, &Hit::per_out},
-                                     {"orientation", &Nuisance::turn_rad, &Target::u_rad, &Hit::per_turn},
-                                     {"offset aside", &Nuisance::aside_mm, &Target::u_mm, &Hit::per_aside},
-                                     {"radius", &Nuisance::thicker_mm, nullptr, &Hit::per_thicker}};
-const TargetRow& target_row(const Freedom& freedom) {
-  return target_rows[static_cast<std::size_t>(freedom.of) - std::size(mount_rows)];
-}
-
 }  // namespace
-
-const char* Freedom::in_words() const {
-  return target < 0 ? mount_row(*this).in_words : target_row(*this).in_words;
-}
 
 Effect effect_of(const std::vector<Active>& at_work, const Circumstances& at) {
   Effect sum;
@@ -65,16 +35,22 @@ double reflectance_in(const CaptureInfo& capture, const Target& target) {
 }
 
 std::vector<Freedom> freedoms_of(const Bench& bench) {
-  using Of = Freedom::Of;
-  std::vector<Freedom> list{{Of::mount_x}, {Of::mount_y}, {Of::mount_yaw}};
-  for (std::size_t i = 0; i < bench.targets.size(); ++i) {
-    const auto target = static_cast<int>(i);
-    list.push_back({Of::offset, target});
-    if (bench.targets[i].round) {
-      list.push_back({Of::aside, target});
-      list.push_back({Of::radius, target});
+  const Mount& mount = bench.lidar.mount;
+  std::vector<Freedom> list{{"x", false, mount.x_mm.u, &Nuisance::x_mm},
+                            {"y", false, mount.y_mm.u, &Nuisance::y_mm},
+                            {"yaw", true, mount.yaw_rad.u, &Nuisance::yaw_rad}};
+  for (int i = 0; i < static_cast<int>(bench.targets.size()); ++i) {
+    const Target& t = bench.target_at(i);
+    const auto add = [&](const char* in_words, bool is_angle, double u, double Displacement::*value,
+                         double Hit::*per) {
+      list.push_back({in_words, is_angle, u, {}, i, value, per});
+    };
+    add("offset", false, t.u_mm, &Displacement::out_mm, &Hit::per_out);
+    if (t.round) {
+      add("offset aside", false, t.u_mm, &Displacement::aside_mm, &Hit::per_aside);
+      add("radius", false, t.round->u_radius_mm, &Displacement::thicker_mm, &Hit::per_thicker);
     } else {
-      list.push_back({Of::turn, target});
+      add("orientation", true, t.u_rad, &Displacement::turn_rad, &Hit::per_turn);
     }
   }
   return list;
@@ -84,56 +60,39 @@ Nuisance::Nuisance(const Bench& bench)
     : x_mm(bench.lidar.mount.x_mm.value),
       y_mm(bench.lidar.mount.y_mm.value),
       yaw_rad(bench.lidar.mount.yaw_rad.value),
-      offset_mm(bench.targets.size(), 0.0),
-      turn_rad(bench.targets.size(), 0.0),
-      aside_mm(bench.targets.size(), 0.0),
-      thicker_mm(bench.targets.size(), 0.0),
+      targets(bench.targets.size()),
       freedoms_(freedoms_of(bench)) {}
 
 double& Nuisance::value(const Freedom& freedom) {
-  return freedom.target < 0 ? this->*mount_row(freedom).value
-                            : (this->*target_row(freedom).value)[static_cast<std::size_t>(freedom.target)];
+  return freedom.of_mount ? this->*freedom.of_mount
+                          : targets[static_cast<std::size_t>(freedom.target)].*freedom.of_target;
 }
 
 Eigen::VectorXd Nuisance::as_vector() const {
   Nuisance own = *this;
   Eigen::VectorXd v(static_cast<Eigen::Index>(freedoms_.size()));
-  for (Eigen::Index i = 0; i < v.size(); ++i) v[i] = own.value(freedoms_[static_cast<std::size_t>(i)]);
+  std::ranges::transform(freedoms_, v.begin(), [&](const Freedom& freedom) { return own.value(freedom); });
   return v;
 }
 
-void Nuisance::set(const Eigen::VectorXd& v) {
-  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(freedoms_.size()); ++i)
-    value(freedoms_[static_cast<std::size_t>(i)]) = v[i];
+void Nuisance::set(const Eigen::VectorXd& values) {
+  const double* next = values.data();
+  for (const Freedom& freedom : freedoms_) value(freedom) = *next++;
 }
 
 Eigen::VectorXd Nuisance::prior_sigma(const Bench& bench) {
   const std::vector<Freedom> freedoms = freedoms_of(bench);
   Eigen::VectorXd v(static_cast<Eigen::Index>(freedoms.size()));
-  for (std::size_t i = 0; i < freedoms.size(); ++i) {
-    const Freedom& freedom = freedoms[i];
-    double& u = v[static_cast<Eigen::Index>(i)];
-    if (freedom.target < 0) {
-      u = (bench.lidar.mount.*mount_row(freedom).stated).u;
-      continue;
-    }
-    const Target& target = bench.target_at(freedom.target);
-    u = freedom.of == Freedom::Of::radius ? target.round->u_radius_mm : target.*target_row(freedom).u;
-  }
+  std::ranges::transform(freedoms, v.begin(), &Freedom::u);
   return v;
 }
 
 double Sight::per(const Freedom& freedom, double stage_rad) const {
-  if (freedom.target >= 0) return freedom.target == target ? this->*target_row(freedom).per : 0;
+  if (!freedom.of_mount) return freedom.target == target ? this->*freedom.per : 0;
   const double c = std::cos(stage_rad), s = std::sin(stage_rad);
-  switch (freedom.of) {
-    case Freedom::Of::mount_x:
-      return -(normal.x() * c + normal.y() * s) / cosine;
-    case Freedom::Of::mount_y:
-      return -(-normal.x() * s + normal.y() * c) / cosine;
-    default:
-      return beam_lever_mm;
-  }
+  if (freedom.of_mount == &Nuisance::x_mm) return -(normal.x() * c + normal.y() * s) / cosine;
+  if (freedom.of_mount == &Nuisance::y_mm) return -(-normal.x() * s + normal.y() * c) / cosine;
+  return beam_lever_mm;
 }
 
 double Sight::shift(const Effect& effect) const {
@@ -149,12 +108,10 @@ std::vector<Stands> stands_in(const Bench& bench, const Nuisance& nuisance, cons
   for (std::size_t i = 0; i < list.size(); ++i) {
     const Target& target = bench.targets[i];
     Stands& s = list[i];
+    static_cast<Displacement&>(s) = nuisance.targets[i];
     const bool about_it = capture.target && *capture.target == target.name;
     s.moved = about_it && capture.target_shift_mm != 0;
-    s.out_mm = nuisance.offset_mm[i] + (about_it ? capture.target_shift_mm : 0);
-    s.turn_rad = nuisance.turn_rad[i];
-    s.aside_mm = nuisance.aside_mm[i];
-    s.thicker_mm = nuisance.thicker_mm[i];
+    if (about_it) s.out_mm += capture.target_shift_mm;
     s.reflectance = reflectance_in(capture, target);
     s.absent = absent.contains(static_cast<int>(i));
   }

@@ -12,14 +12,17 @@
 
 namespace fit::explain {
 
+struct Nuisance;
+
 /// One of the numbers that say where things stand.
 struct Freedom {
-  enum class Of { mount_x, mount_y, mount_yaw, offset, turn, aside, radius };
-  Of of;
-  int target = -1;  ///< -1: of the mount.
-
-  [[nodiscard]] bool is_angle() const { return of == Of::mount_yaw || of == Of::turn; }
-  [[nodiscard]] const char* in_words() const;
+  const char* in_words;
+  bool is_angle;
+  double u;                    ///< As the bench file states it.
+  double Nuisance::*of_mount;  ///< Null: of a target.
+  int target = -1;             ///< -1: of the mount.
+  double Displacement::*of_target = {};
+  double Hit::*per = {};  ///< Of a target: d range / d it.
 };
 /// Mount x, y, yaw; then for every target in its order: of a flat one its offset along the outward normal and
 /// its turn about its middle; of a round one its offset outward, aside (counter-clockwise), and its radius.
@@ -29,8 +32,7 @@ struct Freedom {
 /// radians, counter-clockwise. The mount as it is, all else as a deviation.
 struct Nuisance {
   double x_mm = 0, y_mm = 0, yaw_rad = 0;
-  std::vector<double> offset_mm, turn_rad;   ///< For every target; no round one turns.
-  std::vector<double> aside_mm, thicker_mm;  ///< For every target; 0 for flat ones.
+  std::vector<Displacement> targets;
 
   explicit Nuisance(const Bench& bench);
   /// In the order of `freedoms_of`.

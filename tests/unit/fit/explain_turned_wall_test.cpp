@@ -18,7 +18,7 @@ TEST_CASE("a wall of a room may be turned so far that its corners move by its ne
   constexpr std::size_t south = 3;
   for (const double turn_deg : {-5.0, -1.0, 0.0, 2.0, 5.0}) {
     fit::explain::Nuisance nuisance(bench);
-    nuisance.turn_rad[south] = turn_deg * fit::rad_per_deg;
+    nuisance.targets[south].turn_rad = turn_deg * fit::rad_per_deg;
     const fit::explain::Scene scene(bench, nuisance, {});
     for (double beam_deg = -179.9; beam_deg < 180; beam_deg += 0.3) {
       // From inside a convex room a beam meets the plane that is nearest before it.
@@ -28,7 +28,7 @@ TEST_CASE("a wall of a room may be turned so far that its corners move by its ne
         const fit::Target& wall = bench.targets[i];
         const Eigen::Vector2d middle = (wall.from_mm + wall.to_mm) / 2;
         const Eigen::Vector2d normal =
-            Eigen::Rotation2D<double>(nuisance.turn_rad[i]) * wall.outward_normal();
+            Eigen::Rotation2D<double>(nuisance.targets[i].turn_rad) * wall.outward_normal();
         const double far = normal.dot(middle) / normal.dot(ray);
         if (far > 0) nearest = std::min(nearest, far);
       }
