@@ -15,8 +15,6 @@
 namespace fit::explain::inference {
 namespace {
 
-using Member = Undecided::Member;
-
 /// Names without a mechanism, of what the bench file states: nothing but priors tells them from the others.
 bool is_of_bench_file(const std::string& name) { return !find_mechanism(name); }
 
@@ -110,15 +108,15 @@ class Without {
 
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
-std::vector<Member> rivals_of(const Session& session, const Fitted& best, Without& without_each,
-                              const Term& term, double probability,
-                              const std::vector<const Mechanism*>& mechanisms) {
+std::vector<Named> rivals_of(const Session& session, const Fitted& best, Without& without_each,
+                             const Term& term, double probability,
+                             const std::vector<const Mechanism*>& mechanisms) {
   std::vector<MayBe> of_each;
   for (const Mechanism* m : mechanisms) of_each.emplace_back(session, *m);
   const auto may_be = [&](const Mechanism& m) {
     return std::ranges::any_of(of_each, [&](MayBe& one) { return one(m); });
   };
-  std::vector<Member> rivals;
+  std::vector<Named> rivals;
   if (std::ranges::none_of(catalogue(), may_be)) return rivals;
   const Fitted& without = without_each(term.kind);
   for (const Candidate& candidate : screen(session, without, term.kind, true)) {
@@ -134,8 +132,8 @@ std::vector<Member> rivals_of(const Session& session, const Fitted& best, Withou
                  counts = numbers::fits_as_well / hardly_worse(*term.kind->mechanism, gain),
                  log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
     if (log_odds < -numbers::window) continue;
-    rivals.push_back({candidate.term.kind, std::exp(std::min(log_odds, numbers::window)) * probability,
-                      fitted.hypothesis.terms.back()});
+    rivals.push_back(
+        {fitted.hypothesis.terms.back(), std::exp(std::min(log_odds, numbers::window)) * probability});
   }
   return rivals;
 }
@@ -157,7 +155,7 @@ class LeftByOthers {
   }
 
   /// What there is instead of what is named, where it may be no more than that: a function, or nothing.
-  [[nodiscard]] std::vector<Member> instead_of(const Named& named) const {
+  [[nodiscard]] std::vector<Named> instead_of(const Named& named) const {
     if (!best_.hypothesis.has(*named.term.kind)) return {};
     double may_gain = 0, of_functions = 0;
     const Term* function = nullptr;
@@ -176,12 +174,8 @@ class LeftByOthers {
         best_.hypothesis.log_posterior() - without_(named.term.kind).hypothesis.log_posterior() - may_gain;
     const double probability = 1 / (1 + std::exp(-std::max(0.0, log_odds)));
     if (probability >= numbers::named_at) return {};
-    Member instead{nullptr, named.probability * (1 - probability) / probability, {}};
-    if (of_functions > may_gain / 2) {
-      instead.kind = function->kind;
-      instead.term = *function;
-    }
-    return {instead};
+    return {{of_functions > may_gain / 2 ? *function : Term{},
+             named.probability * (1 - probability) / probability}};
   }
 
  private:
@@ -208,29 +202,30 @@ std::vector<std::string> names_of_bench_file(const Term& term) {
   return names;
 }
 
-bool is_same(const Member& a, const Member& b) {
-  return a.kind && b.kind ? a.kind->is_same_cause(*b.kind) : a.kind == b.kind;
+bool is_same(const Named& a, const Named& b) {
+  const Kind *one = a.term.kind, *other = b.term.kind;
+  return one && other ? one->is_same_cause(*other) : one == other;
 }
 
 /// Whether both are open between the same causes, as of what is local and there twice.
 bool is_same_question(const Undecided& a, const Undecided& b) {
-  return a.members.size() == b.members.size() && std::ranges::all_of(a.members, [&](const Member& one) {
-           return std::ranges::any_of(b.members, [&](const Member& other) { return is_same(one, other); });
+  return a.members.size() == b.members.size() && std::ranges::all_of(a.members, [&](const Named& one) {
+           return std::ranges::any_of(b.members, [&](const Named& other) { return is_same(one, other); });
          });
 }
 
 /// They have a part of what the set holds.
-void join(const std::vector<Member>& rivals, Undecided& set) {
+void join(const std::vector<Named>& rivals, Undecided& set) {
   const auto held = [&] {
     return std::transform_reduce(set.members.begin(), set.members.end(), 0.0, std::plus(),
-                                 [](const Member& member) { return member.probability; });
+                                 [](const Named& member) { return member.probability; });
   };
   const double before = held();
-  for (const Member& rival : rivals)
-    if (std::ranges::none_of(set.members, [&](const Member& m) { return is_same(m, rival); }))
+  for (const Named& rival : rivals)
+    if (std::ranges::none_of(set.members, [&](const Named& m) { return is_same(m, rival); }))
       set.members.push_back(rival);
   const double share = before / held();
-  for (Member& member : set.members) member.probability *= share;
+  for (Named& member : set.members) member.probability *= share;
 }
 
 }  // namespace
@@ -249,7 +244,7 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
   const LeftByOthers left(best, without);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
-    std::vector<Member> rivals =
+    std::vector<Named> rivals =
         rivals_of(session, best, without, named.term, named.probability, {named.term.kind->mechanism.get()});
     std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
     std::ranges::copy(left.instead_of(named), std::back_inserter(rivals));
@@ -258,21 +253,21 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
       alone.push_back(named);
       continue;
     }
-    Undecided set{{{named.term.kind, named.probability, named.term}}, also};
+    Undecided set{{named}, also};
     join(rivals, set);
     posterior.undecided.push_back(std::move(set));
   }
   posterior.named = std::move(alone);
   for (Undecided& set : posterior.undecided) {
     std::vector<const Mechanism*> mechanisms;
-    for (const Member& member : set.members)
-      if (member.kind && !member.kind->is_form()) mechanisms.push_back(member.kind->mechanism.get());
-    for (const Member& member : std::vector(set.members)) {
-      if (!member.kind) continue;
-      if (best.hypothesis.has(*member.kind))
-        join(rivals_of(session, best, without, member.term, member.probability, mechanisms), set);
-      if (member.kind->is_form()) continue;
-      for (const std::string& name : names_of_bench_file(member.term))
+    for (const auto& [term, probability] : set.members)
+      if (term.kind && !term.kind->is_form()) mechanisms.push_back(term.kind->mechanism.get());
+    for (const auto& [term, probability] : std::vector(set.members)) {
+      if (!term.kind) continue;
+      if (best.hypothesis.has(*term.kind))
+        join(rivals_of(session, best, without, term, probability, mechanisms), set);
+      if (term.kind->is_form()) continue;
+      for (const std::string& name : names_of_bench_file(term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);
     }
   }

@@ -94,7 +94,7 @@ std::vector<SpreadCurve> curves_of(const Session& session, const Fitted& nothing
     for (const Named& named : *list) found.push_back(&named.term);
   for (const Undecided& set : posterior.undecided)
     for (const auto& member : set.members)
-      if (member.kind) found.push_back(&member.term);
+      if (member.term.kind) found.push_back(&member.term);
   std::vector<SpreadCurve> curves;
   std::set<std::pair<std::size_t, Coordinate>> drawn;
   const auto draw = [&](std::size_t c, const auto& what) {  // a term, or a coordinate

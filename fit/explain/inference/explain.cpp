@@ -17,11 +17,6 @@ namespace {
 
 using Eigen::Index;
 
-/// As the rooms that draw, predict and plan know it.
-Active as_active(const Term& term) {
-  return {term.kind->mechanism, term.values, term.kind->target, term.sigma};
-}
-
 double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   const Reduced rows = merged(reduced, numbers::search_rows);  // as the channel has them
   const MeanModel model(rows, noise);

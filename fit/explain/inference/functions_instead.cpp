@@ -82,8 +82,7 @@ bool may_not_repeat(const Session& session, const Term& term) {
 
 }  // namespace
 
-std::vector<Undecided::Member> functions_instead(const Session& session, const Fitted& best,
-                                                 const Named& named) {
+std::vector<Named> functions_instead(const Session& session, const Fitted& best, const Named& named) {
   if (!best.hypothesis.has(*named.term.kind)) return {};  // named by many others that outweigh the best
   std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
   double gain = 0;
@@ -106,7 +105,7 @@ std::vector<Undecided::Member> functions_instead(const Session& session, const F
     for (const std::vector<double>& values : kind.starts)
       if (may_be_any || loss_as_function(session, best, kind, values, effect) <
                             hardly_worse(*named.term.kind->mechanism, gain))
-        return {{&kind, named.probability, {.kind = &kind, .values = values, .sigma = {}}}};
+        return {{{.kind = &kind, .values = values, .sigma = {}}, named.probability}};
   }
   return {};
 }

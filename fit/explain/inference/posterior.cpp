@@ -43,7 +43,7 @@ class Weighed {
 
   /// What stands in the place of a term of `best` in hypotheses without it.
   [[nodiscard]] Undecided alternatives(const Hypothesis& best, const Term& term) const {
-    std::map<const void*, Undecided::Member> members;
+    std::map<const void*, Named> members;
     std::map<const void*, double> most;
     for (const auto& [h, p] : list_) {
       const Term* instead = in_place_of(*h, best, term);
@@ -52,7 +52,6 @@ class Weighed {
       member.probability += p;
       if (!instead || p <= most[sort]) continue;
       most[sort] = p;
-      member.kind = instead->kind;
       member.term = *instead;
     }
     return smallest_set(members);
@@ -95,8 +94,8 @@ class Weighed {
     return nullptr;
   }
 
-  static Undecided smallest_set(const std::map<const void*, Undecided::Member>& members) {
-    std::vector<Undecided::Member> all;
+  static Undecided smallest_set(const std::map<const void*, Named>& members) {
+    std::vector<Named> all;
     for (const auto& [sort, member] : members) all.push_back(member);
     std::ranges::sort(all, [](const auto& a, const auto& b) { return a.probability > b.probability; });
     Undecided set;
@@ -131,11 +130,11 @@ Posterior posterior_of(const Explored& explored) {
     }
     if (again) continue;
     Undecided set = weighed.alternatives(best, term);
-    const Undecided::Member& first = set.members.front();
+    const Named& first = set.members.front();
     if (set.members.size() > 1)
       result.undecided.push_back(std::move(set));
-    else if (first.kind)  // Many others together outweigh the best.
-      (first.kind->is_form() ? result.forms : result.named).push_back({first.term, first.probability});
+    else if (const Kind* kind = first.term.kind)  // Many others together outweigh the best.
+      (kind->is_form() ? result.forms : result.named).push_back(first);
   }
   return result;
 }

@@ -10,16 +10,11 @@ namespace fit::explain::inference {
 
 /// A mechanism that is named, or a set of which one is.
 struct Named {
-  Term term;
+  Term term;  ///< Without a kind: nothing at all.
   double probability = 0;
 };
 struct Undecided {
-  struct Member {
-    const Kind* kind = nullptr;  ///< Null: nothing at all.
-    double probability = 0;
-    Term term;
-  };
-  std::vector<Member> members;         ///< The most probable first; together they hold 0.95.
+  std::vector<Named> members;          ///< The most probable first; together they hold 0.95.
   std::vector<std::string> also = {};  ///< What the bench file may have wrong instead.
 };
 

@@ -102,36 +102,36 @@ void report_named(const Named& named, double gain, const Reduced& reduced, Expla
   add_known(out.bench, as_known(*found.mechanism, found.parameters, found.target));
 }
 
-std::string name_of(const Undecided::Member& member) {
-  return !member.kind             ? nothing_missing
-         : member.kind->is_form() ? unknown_physics
-                                  : member.kind->mechanism->id;
+std::string name_of(const Named& member) {
+  const Kind* kind = member.term.kind;
+  return !kind ? nothing_missing : kind->is_form() ? unknown_physics : kind->mechanism->id;
 }
+
+/// Whether it is a mechanism of the catalogue.
+bool has_name(const Named& member) { return member.term.kind && !member.term.kind->is_form(); }
 
 /// `functions`: those in sets before it.
 void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& noise,
                 std::set<const Kind*>& functions, Explanation& out) {
-  const std::vector<Undecided::Member>& members = set.members;
+  const std::vector<Named>& members = set.members;
   std::vector<std::string> all;
-  for (const auto& member : members)
+  for (const Named& member : members)
     if (!std::ranges::count(all, name_of(member))) all.push_back(name_of(member));
   std::ranges::copy(set.also, std::back_inserter(all));
   out.undecided_between.push_back(std::move(all));
   std::string odds;
-  const auto names =
-      std::ranges::count_if(members, [](const auto& m) { return m.kind && !m.kind->is_form(); });
-  for (const auto& member : members) {
+  const auto names = std::ranges::count_if(members, has_name);
+  for (const Named& member : members) {
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
-    if (!member.kind) continue;
-    if (member.kind->is_form()) {
-      if (member.kind->moves_means() && !member.kind->form->form->happened_then &&
-          functions.insert(member.kind).second)
+    const Kind* kind = member.term.kind;
+    if (!kind) continue;
+    if (kind->is_form()) {
+      if (kind->moves_means() && !kind->form->form->happened_then && functions.insert(kind).second)
         out.unnamed_suspects.push_back(seen(as_shape(member.term), MeanModel(reduced, noise)));
-    } else if (member.kind->mechanism->happened_once()) {
+    } else if (kind->mechanism->happened_once()) {
       continue;  // no experiment repeats it
-    } else if (member.kind->moves_means()) {
-      out.suspects.push_back(
-          {member.kind->mechanism, member.term.values, member.kind->target, member.term.sigma});
+    } else if (kind->moves_means()) {
+      out.suspects.push_back(as_active(member.term));
     } else if (names > 1) {  // else there is nobody to tell it from
       out.noise_suspects.push_back(as_suspect(member.term));
     }
@@ -198,9 +198,8 @@ void list_beside_means(Inferred& inferred) {
       inferred.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
   }
   for (const Undecided& set : inferred.posterior.undecided) {
-    const auto best = std::ranges::find_if(
-        set.members, [](const auto& member) { return member.kind && !member.kind->is_form(); });
-    if (best != set.members.end() && !best->kind->moves_means())
+    const auto best = std::ranges::find_if(set.members, has_name);
+    if (best != set.members.end() && !best->term.kind->moves_means())
       inferred.undecided.push_back(as_suspect(best->term));
   }
   inferred.unknown.insert(inferred.unknown.begin(), contradictions.begin(), contradictions.end());

@@ -192,7 +192,7 @@ void Session::keep_combs(Hypothesis& at, std::vector<Hypothesis>& following) {
 std::vector<Active> Session::means_at_work(const Hypothesis& h) const {
   std::vector<Active> at_work = known_terms(reduced_.bench);
   for (const Term& term : h.terms)
-    if (term.kind->moves_means()) at_work.push_back({term.kind->mechanism, term.values, term.kind->target});
+    if (term.kind->moves_means()) at_work.push_back(as_active(term));
   return at_work;
 }
 
@@ -204,7 +204,7 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
     if (known.mechanism->coordinate == Coordinate::scan_seq) from_scan_to_scan.push_back(known);
   for (const Term& term : at.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)
-      from_scan_to_scan.push_back({term.kind->mechanism, term.values});
+      from_scan_to_scan.push_back(as_active(term));
   const Nuisance there = nuisance(at);
   model::expect_from_scan_to_scan(reduced_, from_scan_to_scan);
   predict(reduced_, there, at_work, false);

@@ -87,6 +87,11 @@ struct Term {
   double by_grid = 0, by_modes = 0;
 };
 
+/// As the rooms that draw, predict and plan know it.
+[[nodiscard]] inline Active as_active(const Term& term) {
+  return {term.kind->mechanism, term.values, term.kind->target, term.sigma};
+}
+
 /// All ways in which an effect may deviate from its formula.
 [[nodiscard]] std::span<double Effect::*const> ways_to_act();
 
