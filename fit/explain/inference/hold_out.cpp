@@ -157,8 +157,10 @@ Eigen::LLT<Eigen::MatrixXd> factor_of_all(const Fitted& fitted) {
   return Eigen::LLT<Eigen::MatrixXd>(all);
 }
 
-HeldOutFigures predicted(const Session& session, const Fitted& fitted, const Blocks& blocks,
-                         bool only_means) {
+}  // namespace
+
+HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
+  const Blocks blocks(session.reduced().captures.size(), Few::sectors);
   HeldOutFigures sum;
   const Eigen::LLT<Eigen::MatrixXd> all = factor_of_all(fitted);
   for (int b = 0; b < blocks.count; ++b) Block(session, fitted, all, blocks, b, only_means).add_to(sum);
@@ -166,12 +168,6 @@ HeldOutFigures predicted(const Session& session, const Fitted& fitted, const Blo
   sum.rms_mm = std::sqrt(sum.rms_mm / cells);
   sum.coverage /= cells;
   return sum;
-}
-
-}  // namespace
-
-HeldOutFigures hold_out(const Session& session, const Fitted& fitted, bool only_means) {
-  return predicted(session, fitted, {session.reduced().captures.size(), Few::sectors}, only_means);
 }
 
 bool forms_carry_over(const Session& session, const Fitted& fitted) {

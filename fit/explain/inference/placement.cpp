@@ -73,16 +73,7 @@ class Places {
     constexpr double median_of_chance = 0.6745;
     return median_of(deviations()) < 1.4 * median_of_chance;
   }
-  /// Returns how many cells changed.
-  int reassigned() {
-    return reassign(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_), noise_.footprint_rad);
-  }
-  /// Which surface samples beside edges met.
-  void share_out_edges() {
-    reduction::share_out_again(reduced_, at_.nuisance, all_at_work(reduced_.bench, at_));
-  }
-  [[nodiscard]] const explain::Hypothesis& at() const { return at_; }
-  void take(const Places& other) { at_ = other.at_; }
+  [[nodiscard]] explain::Hypothesis& at() { return at_; }
 
  private:
   /// How far the beams are off, in standard uncertainties; in the order of the smooth cells.
@@ -112,27 +103,28 @@ Placed fit_placements(Reduced& reduced, const MeanNoise& noise, const std::vecto
   MeanNoise wider = noise;
   wider.factor *= excess;
   Places places(reduced, wider, at_work);
+  explain::Hypothesis& there = places.at();
   places.fit();
-  const Nuisance by_all = places.at().nuisance;
+  const Nuisance by_all = there.nuisance;
   bool most = places.fits_most();
   if (!most) {
     Places trimmed(reduced, wider, at_work);  // from where the bench file has them
     trimmed.turn();
     trimmed.fit_trimmed();
     if (trimmed.fits_most()) {
-      places.take(trimmed);
+      there = trimmed.at();
       most = true;
     }
   }
   for (int pass = 0; most && pass < most_passes; ++pass) {
-    if (places.reassigned() == 0) break;
+    if (reassign(reduced, there.nuisance, all_at_work(reduced.bench, there), wider.footprint_rad) == 0) break;
     pool_variances(reduced, wider);
     places.fit();
     most = places.fits_most();
   }
   if (most) {
-    places.share_out_edges();
-    return {excess, true, places.at().nuisance, by_all};
+    reduction::share_out_again(reduced, there.nuisance, all_at_work(reduced.bench, there));
+    return {excess, true, there.nuisance, by_all};
   }
   // Nobody knows what beams meet but by the bench file.
   predict_at(reduced, stated, true);

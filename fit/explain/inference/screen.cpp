@@ -314,12 +314,9 @@ class Question : Approximation {
 }  // namespace
 
 std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but,
-                              bool at_other_places) {
-  return screen(session, fitted, raised(session, fitted.design, fitted.optimum), but, at_other_places);
-}
-
-std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Optimum& around,
-                              const Kind* but, bool at_other_places) {
+                              bool at_other_places, const Optimum* around) {
+  std::optional<Optimum> own;
+  if (!around) around = &own.emplace(raised(session, fitted.design, fitted.optimum));
   const auto is_there = [&](const Kind& kind) {
     if (at_other_places && kind.mechanism->parameter_of(Parameter::Scale::width)) return false;
     return std::ranges::any_of(fitted.hypothesis.terms,
@@ -330,7 +327,7 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
     if (&kind != but && !is_there(kind)) asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
   std::vector<Question> questions;
-  for (const Kind* kind : asked) questions.emplace_back(session, fitted, around, *kind);
+  for (const Kind* kind : asked) questions.emplace_back(session, fitted, *around, *kind);
   on_two_cores(questions.size(), [&](std::size_t i) { questions[i].ask_starts(); });
   std::ranges::sort(questions, std::greater<>(), &Question::promise);
   std::vector<Question*> promising;

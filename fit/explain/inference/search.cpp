@@ -63,8 +63,16 @@ class Climber {
       if (!add() && !drop() && !exchange() && !take_better_visited() && !drop_of_others()) return;
   }
 
-  /// One term is added, if any improves.
-  void step() { add(); }
+  /// One term more, if any improves.
+  bool add() {
+    if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
+    const std::vector<Candidate> list = screened(best_.hypothesis);
+    if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
+    // The approximation promised too much of the best; others stood in its shadow.
+    if (list.empty() || list.front().log_posterior() < numbers::window) return false;
+    constexpr double any = 1e300;
+    return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, forms(tries), any)));
+  }
 
   /// A form may stand where two mechanisms belong, of which neither shows by itself: from what is named, on
   /// with mechanisms alone.
@@ -138,7 +146,7 @@ class Climber {
     const auto [known, is_new] = screened_.try_emplace(h.kinds());
     const auto ask = [&](const Fitted& present) {
       const Optimum around = raised(session_, present.design, present.optimum);
-      known->second = screen(session_, present, around, nullptr);
+      known->second = screen(session_, present, nullptr, false, &around);
       pairs_[h.kinds()] = pairs_beside(session_, present, around);
     };
     if (is_new && h.kinds() == best_.hypothesis.kinds()) {
@@ -184,16 +192,6 @@ class Climber {
       if (candidate.always) list.push_back(with_term(h, *candidate.always));
     }
     return fit_all(list);
-  }
-
-  bool add() {
-    if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
-    const std::vector<Candidate> list = screened(best_.hypothesis);
-    if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
-    // The approximation promised too much of the best; others stood in its shadow.
-    if (list.empty() || list.front().log_posterior() < numbers::window) return false;
-    constexpr double any = 1e300;
-    return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, forms(tries), any)));
   }
 
   bool drop() {
@@ -305,7 +303,7 @@ class Climber {
 
 Hypothesis best_of_one(Session& session, const Progress& progress) {
   Climber climber(session, progress);
-  climber.step();
+  climber.add();
   return std::move(climber).result().best.hypothesis;
 }
 

@@ -148,12 +148,6 @@ const Session::AtStart& Session::at_start(const Kind& kind, std::size_t start) c
   return by_start[start];
 }
 
-std::vector<Index> Session::row_counts() const {
-  std::vector<Index> counts;
-  for (const auto& rows : channels_) counts.push_back(rows ? rows->rows() : 0);
-  return counts;
-}
-
 Index Session::first_base(std::size_t channel) const {
   Index count = 0;
   for (std::size_t c = 0; c < channel; ++c)
@@ -211,6 +205,11 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
   reduction::share_out_again(reduced_, there, at_work);
   MeanNoise noise = noise_by(reduced_, noise_, known_, at.terms);
   add_errors_of_stops(reduced_, noise);
+  const auto row_counts = [&] {
+    std::vector<Index> counts;
+    for (const auto& rows : channels_) counts.push_back(rows ? rows->rows() : 0);
+    return counts;
+  };
   const std::vector<Index> before = row_counts();
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);

@@ -78,7 +78,6 @@ class Session {
   [[nodiscard]] Eigen::Index count_base() const { return first_base(channels_.size()); }
 
  private:
-  [[nodiscard]] std::vector<Eigen::Index> row_counts() const;  ///< Of every channel.
   void make_channels(const MeanNoise& noise);
   [[nodiscard]] double mean_range_mm() const;
   [[nodiscard]] std::vector<Active> means_at_work(const Hypothesis& h) const;

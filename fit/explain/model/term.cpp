@@ -27,22 +27,6 @@ Effect of_comb(const Kind& kind, Circumstances at, std::span<const double> range
   return mean;
 }
 
-/// The response of every row to a mechanism at values; empty if there is none.
-Eigen::VectorXd response_to(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
-  Eigen::VectorXd column = Eigen::VectorXd::Zero(channel.rows());
-  const Circumstances* before = nullptr;  // two statistics of the same scan have the same circumstances
-  Effect effect;
-  for (Index i = 0; i < channel.rows(); ++i) {
-    const Circumstances& at = channel.at(i);
-    if (!acts_there(kind, at)) continue;
-    if (!before || kind.bins || !(at == *before)) effect = effect_at(channel, i, kind, values);
-    before = &at;
-    const double response = channel.response(i, effect);
-    if (std::isfinite(response)) column[i] = response;
-  }
-  return column;
-}
-
 /// Values with all sizes zero but one.
 std::vector<double> with_only(const Kind& kind, std::vector<double> values, const Coefficient& c,
                               double size) {
@@ -106,6 +90,21 @@ Effect effect_at(const Rows& channel, Index row, const Kind& kind, const std::ve
   const auto n = static_cast<double>(times_s.size());
   effect.scan_angle_variance_rad2 += std::max(0.0, squares / n - sum * sum / (n * n));
   return effect;
+}
+
+Eigen::VectorXd effect_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
+  Eigen::VectorXd column = Eigen::VectorXd::Zero(channel.rows());
+  const Circumstances* before = nullptr;  // two statistics of the same scan have the same circumstances
+  Effect effect;
+  for (Index i = 0; i < channel.rows(); ++i) {
+    const Circumstances& at = channel.at(i);
+    if (!acts_there(kind, at)) continue;
+    if (!before || kind.bins || !(at == *before)) effect = effect_at(channel, i, kind, values);
+    before = &at;
+    const double response = channel.response(i, effect);
+    if (std::isfinite(response)) column[i] = response;
+  }
+  return column;
 }
 
 std::vector<Coefficient> coefficients_of(const Mechanism& mechanism,
@@ -202,12 +201,12 @@ Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vec
     auto column = columns.col(static_cast<Index>(k));
     if (kind.mechanism->displaces) {  // Stands already where it was moved to.
       const double small = size_at(c, 0);
-      column = (response_to(channel, kind, with_only(kind, values, c, small)) -
-                response_to(channel, kind, with_only(kind, values, c, -small))) /
+      column = (effect_of(channel, kind, with_only(kind, values, c, small)) -
+                effect_of(channel, kind, with_only(kind, values, c, -small))) /
                2 / small;
     } else {
       const double size = size_at(c, values[c.parameter]);
-      column = response_to(channel, kind, with_only(kind, values, c, size));
+      column = effect_of(channel, kind, with_only(kind, values, c, size));
       if (acting ? acting->without_size : kind.acts_without_size)
         column -= effect_without_size(channel, kind, values);
       column /= std::pow(size, c.power);
@@ -231,11 +230,7 @@ std::vector<double> without_size(const Kind& kind, std::vector<double> values) {
 
 Eigen::VectorXd effect_without_size(const Rows& channel, const Kind& kind,
                                     const std::vector<double>& values) {
-  return response_to(channel, kind, without_size(kind, values));
-}
-
-Eigen::VectorXd effect_of(const Rows& channel, const Kind& kind, const std::vector<double>& values) {
-  return response_to(channel, kind, values);
+  return effect_of(channel, kind, without_size(kind, values));
 }
 
 Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term) {
@@ -254,8 +249,7 @@ Eigen::MatrixXd shape_columns(const Rows& channel, const Term& term) {
     b = p.logarithmic ? b * std::exp(-step) : b - step * span;
     const double width = 2 * step * (p.logarithmic ? 1 : span), deviation = span / std::sqrt(12.0);
     columns.col(static_cast<Index>(j)) =
-        (response_to(channel, *term.kind, above) - response_to(channel, *term.kind, below)) / width *
-        deviation;
+        (effect_of(channel, *term.kind, above) - effect_of(channel, *term.kind, below)) / width * deviation;
   }
   return columns;
 }

@@ -43,11 +43,6 @@ bool at_rest(const std::vector<TrackPose>& track, std::int64_t us) {
          std::abs(wrap_angle(after.heading - before.heading)) < still_rad;
 }
 
-std::vector<TrackPose> in_order(std::vector<TrackPose> track) {
-  std::ranges::stable_sort(track, {}, &TrackPose::host_us);
-  return track;
-}
-
 struct Line {
   Eigen::Vector2d middle, along;
   double off_mm = 0;  ///< Largest distance of a point.
@@ -160,7 +155,8 @@ FittedRoom::FittedRoom(const Recording& own) : own_(own), bench_(own.bench()), m
 }
 
 std::vector<FittedRoom::Standstill> FittedRoom::standstills() const {
-  const std::vector<TrackPose> track = in_order(own_.track());
+  std::vector<TrackPose> track = own_.track();
+  std::ranges::stable_sort(track, {}, &TrackPose::host_us);
   std::vector<Standstill> list;
   for (std::size_t c = 0; c < own_.captures().size(); ++c) {
     if (is_turning(own_.captures()[c])) continue;

@@ -121,10 +121,10 @@ std::vector<Stands> stands_in(const Bench& bench, const Nuisance& nuisance, cons
 }  // namespace
 
 Scene::Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent)
-    : x_mm_(nuisance.x_mm),
+    : fit::Scene(bench, stands_in(bench, nuisance, capture, absent)),
+      x_mm_(nuisance.x_mm),
       y_mm_(nuisance.y_mm),
-      yaw_rad_(nuisance.yaw_rad),
-      scene_(bench, stands_in(bench, nuisance, capture, absent)) {}
+      yaw_rad_(nuisance.yaw_rad) {}
 
 Sight Scene::aim(double stage_rad, double beam_rad, const Effect& effect) const {
   const double stage = stage_rad + effect.stage_rad;
@@ -148,20 +148,20 @@ Sight met(Sight sight, const Hit& hit) {
 
 Sight Scene::look(double stage_rad, double beam_rad, const Effect& effect) const {
   const Sight sight = aim(stage_rad, beam_rad, effect);
-  return met(sight, scene_.look(sight.origin, sight.bearing_rad));
+  return met(sight, fit::Scene::look(sight.origin, sight.bearing_rad));
 }
 
 Sight Scene::look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const {
   const Sight sight = aim(stage_rad, beam_rad, effect);
-  return met(sight, scene_.look_at(target, sight.origin, sight.bearing_rad));
+  return met(sight, fit::Scene::look_at(target, sight.origin, sight.bearing_rad));
 }
 
 std::vector<Edge> Scene::edges(double stage_rad, const Effect& effect) const {
-  return scene_.edges(aim(stage_rad, 0, effect).origin);
+  return fit::Scene::edges(aim(stage_rad, 0, effect).origin);
 }
 
 void Scene::describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const {
-  scene_.describe(sight.origin, sight.bearing_rad, sight, edges, c);
+  fit::Scene::describe(sight.origin, sight.bearing_rad, sight, edges, c);
 }
 
 }  // namespace fit::explain

@@ -73,7 +73,7 @@ struct Sight : Hit {
 using Absent = std::set<int>;
 
 /// The targets as they stand in one capture, seen by a lidar on its stage.
-class Scene {
+class Scene : public fit::Scene {
  public:
   Scene(const Bench& bench, const Nuisance& nuisance, const CaptureInfo& capture, const Absent& absent = {});
 
@@ -83,11 +83,6 @@ class Scene {
   [[nodiscard]] Sight look_at(int target, double stage_rad, double beam_rad, const Effect& effect) const;
   /// The edges in sight from there, the optical centre's place taken from `effect` as well.
   [[nodiscard]] std::vector<Edge> edges(double stage_rad, const Effect& effect = {}) const;
-  /// To the next inner corner along the target; infinite if there is none.
-  [[nodiscard]] double to_corner_mm(const Sight& sight) const { return scene_.to_corner_mm(sight); }
-  /// To the next place where another target begins, inner corner or outer.
-  [[nodiscard]] double to_joint_mm(const Sight& sight) const { return scene_.to_joint_mm(sight); }
-  [[nodiscard]] double half_length_mm(int target) const { return scene_.half_length_mm(target); }
   /// Fills what depends on the place only: range, incidence, target, edge, corner, neighbours.
   void describe(const Sight& sight, const std::vector<Edge>& edges, Circumstances& c) const;
 
@@ -95,7 +90,6 @@ class Scene {
   [[nodiscard]] Sight aim(double stage_rad, double beam_rad, const Effect& effect) const;
 
   double x_mm_, y_mm_, yaw_rad_;
-  fit::Scene scene_;
 };
 
 }  // namespace fit::explain
