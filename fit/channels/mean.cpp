@@ -75,7 +75,7 @@ class Means final : public model::NormalRows {
   }
 
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
-    const double mm = model_.shift(row, effect);
+    const double mm = model_.response(row, effect);
     return std::isfinite(mm) ? mm : 0;
   }
   [[nodiscard]] std::span<const double> ranges_mm(Index row) const override {

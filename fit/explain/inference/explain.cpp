@@ -97,7 +97,7 @@ Unexplained described(const Session& session, const Term& term, double gain) {
   }
   const Described says = shape.form->says(shape, course);
   Unexplained u;
-  u.observable = term.kind->observable;
+  u.observable = term.kind->mechanism->observable;
   u.coordinate = shape.coordinate;
   u.gain = gain;
   u.describes = says.text;

@@ -14,20 +14,6 @@
 namespace fit::explain {
 namespace {
 
-/// The means, as formulas and their deviations act on them.
-class Means final : public model::Rows {
- public:
-  explicit Means(const MeanModel& model) : model_(model) {}
-  [[nodiscard]] Eigen::Index rows() const override { return model_.rows(); }
-  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return model_.cell(row).at; }
-  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    return model_.shift(row, effect);
-  }
-
- private:
-  const MeanModel& model_;
-};
-
 /// As the model has mechanisms of the catalogue, with the ways in which it acts here.
 model::Kind kind_here(const model::Rows& rows, const Active& active) {
   model::Kind kind = model::kind_without_channels(*active.mechanism, active.target);
@@ -104,8 +90,7 @@ double lever_of(Channel channel, const Sight& sight) {
 }
 
 Eigen::VectorXd effect_of(const MeanModel& model, const Active& term) {
-  return model::effect_of(Means(model), model::kind_without_channels(*term.mechanism, term.target),
-                          term.values);
+  return model::effect_of(model, model::kind_without_channels(*term.mechanism, term.target), term.values);
 }
 
 double coordinate_at(const MeanModel& model, Coordinate coordinate, Eigen::Index row, int target) {
@@ -132,19 +117,18 @@ Eigen::VectorXd scaled_coordinate(const MeanModel& model, Coordinate coordinate,
 }
 
 TermColumns columns_of(const MeanModel& model, const Active& term) {
-  const Means rows(model);
-  const model::Kind kind = kind_here(rows, term);
+  const model::Kind kind = kind_here(model, term);
   model::Term there;
   there.kind = &kind;
   there.values = term.values;
   TermColumns columns{model::coefficients(there), {}, {}, {}};
-  columns.sizes = with_standard_prior(model::columns_of(rows, kind, term.values));
+  columns.sizes = with_standard_prior(model::columns_of(model, kind, term.values));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {
     columns.sizes.prior.mean[static_cast<Eigen::Index>(k)] = kind.coefficients[k].expected;
     columns.sizes.prior.sigma[static_cast<Eigen::Index>(k)] = kind.coefficients[k].typical;
   }
-  columns.shapes = with_standard_prior(model::shape_columns(rows, there));
-  columns.deviations = with_standard_prior(model::deviations_of(rows, there).columns);
+  columns.shapes = with_standard_prior(model::shape_columns(model, there));
+  columns.deviations = with_standard_prior(model::deviations_of(model, there).columns);
   return columns;
 }
 
@@ -172,10 +156,6 @@ Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& know
   return all;
 }
 
-Columns values_in_doubt(const MeanModel& model, const std::vector<Active>& known) {
-  return values_in_doubt(Means(model), known);
-}
-
 Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
   std::erase_if(known, [](const Active& active) {
     // A statement that may be corrected is a nuisance of its channel already.
@@ -191,10 +171,6 @@ Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
     all.append(with_standard_prior(model::deviations_of(rows, there).columns));
   }
   return all;
-}
-
-Columns doubts_of(const MeanModel& model, std::vector<Active> known) {
-  return doubts_of(Means(model), std::move(known));
 }
 
 void append_doubts(std::vector<Active> known, model::ChannelRows& rows) {

@@ -9,7 +9,6 @@
 
 namespace fit::explain::model {
 
-class Rows;
 class ChannelRows;
 
 }  // namespace fit::explain::model
@@ -48,10 +47,8 @@ struct TermColumns {
 /// What uncertain values of known mechanisms leave open in the rows of a channel: a column for one standard
 /// uncertainty of each.
 [[nodiscard]] Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& known);
-[[nodiscard]] Columns values_in_doubt(const MeanModel& model, const std::vector<Active>& known);
 /// The same, and columns of how real causes deviate from formulas.
 [[nodiscard]] Columns doubts_of(const model::Rows& rows, std::vector<Active> known);
-[[nodiscard]] Columns doubts_of(const MeanModel& model, std::vector<Active> known);
 /// Makes nuisances of a channel of them, as far as it sees what they depend on.
 void append_doubts(std::vector<Active> known, model::ChannelRows& rows);
 

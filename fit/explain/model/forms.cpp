@@ -240,7 +240,6 @@ void add_forms_along(const Way& way, const ChannelRows& rows, std::vector<Kind>&
       Kind kind;
       kind.form = shapes.front();
       kind.target = std::max(-1, way.target);
-      kind.observable = way.on.observable;
       kind.mechanism = mechanism_of(form, way, shapes.front(), scale);
       kind.functions = functions_of(form, way, shapes.front(), scale);
       kind.refines = false;

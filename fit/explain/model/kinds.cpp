@@ -78,9 +78,9 @@ std::vector<std::vector<double>> grid_of(const Kind& kind, bool round, const Lis
   std::vector<std::vector<double>> grid{first};
   for (const std::size_t k : shapes_of(kind)) {
     const Parameter& p = kind.mechanism->parameters[k];
-    const std::vector<double> places = k == kind.bins     ? std::vector{std::sqrt(p.lower * p.upper)}
-                                       : k == kind.moment ? moments_in(channels)
-                                                          : places_of_shape(p);
+    const std::vector<double> places = k == kind.bins ? std::vector{std::sqrt(p.lower * p.upper)}
+                                       : p.scale == Parameter::Scale::moment ? moments_in(channels)
+                                                                             : places_of_shape(p);
     if (grid.size() * places.size() > most_starts) return {};
     std::vector<std::vector<double>> finer;
     for (const auto& values : grid)
@@ -239,13 +239,11 @@ Kind kind_without_channels(const Mechanism& m, int target) {
   Kind kind;
   kind.mechanism = not_owned(m);
   kind.target = target;
-  kind.observable = m.observable;
   kind.bins = m.parameter_of(Parameter::Scale::bin);
   kind.threshold = m.parameter_of(Parameter::Scale::threshold);
   kind.begins = m.parameter_of(Parameter::Scale::from);
-  kind.moment = m.parameter_of(Parameter::Scale::moment);
   kind.choice = m.parameter_of(Parameter::Scale::choice);
-  kind.refines = !kind.moment && !m.parameter_of(Parameter::Scale::count);
+  kind.refines = !m.parameter_of(Parameter::Scale::moment) && !m.parameter_of(Parameter::Scale::count);
   return kind;
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "fit/explain/model/rows.hpp"
 #include "fit/explain/model/shared_errors.hpp"
 #include "fit/explain/reduction/reduce.hpp"
 
@@ -51,18 +52,19 @@ struct Columns {
 
 /// Linear Gaussian model of the cells' means around the last prediction. The base (nuisance parameters,
 /// accepted mechanisms) is marginalised, so that nothing is blamed on a suspect which they explain.
-class MeanModel {
+class MeanModel final : public model::Rows {
  public:
   MeanModel(const Reduced& reduced, const MeanNoise& noise);
 
-  [[nodiscard]] Eigen::Index rows() const { return static_cast<Eigen::Index>(row_.size()); }
+  [[nodiscard]] Eigen::Index rows() const override { return static_cast<Eigen::Index>(row_.size()); }
+  [[nodiscard]] const Circumstances& at(Eigen::Index row) const override { return cell(row).at; }
   [[nodiscard]] const Bench& bench() const { return reduced_->bench; }
   [[nodiscard]] const Cell& cell(Eigen::Index row) const {
     return reduced_->cells[row_[static_cast<std::size_t>(row)]];
   }
   [[nodiscard]] const Group& group(Eigen::Index row) const { return reduced_->group_of(cell(row)); }
   /// Change of the row's range that an effect makes to first order, mm.
-  [[nodiscard]] double shift(Eigen::Index row, const Effect& effect) const {
+  [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     const Levers& l = levers_[static_cast<std::size_t>(row)];
     return effect.range_mm + l.beam_mm * effect.beam_rad + l.stage_mm * effect.stage_rad -
            (l.x * effect.origin_mm.x() + l.y * effect.origin_mm.y());

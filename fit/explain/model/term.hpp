@@ -49,9 +49,8 @@ struct Kind {
 
   std::optional<std::size_t> size;  ///< Of a mechanism whose sizes may be missing apart: the only one.
   std::optional<Shape> form;  ///< What a form is called and drawn by; its place and length are shape values.
-  Observable observable = Observable::range_mean;  ///< Of a form: where it acts ...
-  std::string acts_on;                             ///< ... in words.
-  bool is_share = false;                           ///< That is a share of what is there.
+  std::string acts_on;        ///< Of a form: where it acts, in words.
+  bool is_share = false;      ///< That is a share of what is there.
   std::optional<Functions> functions;
   double log_prior = 0;  ///< Log of its prior odds.
   /// Values of all parameters to begin from: a grid over the shapes, sizes at their typical values.
@@ -61,7 +60,6 @@ struct Kind {
   std::vector<double Effect::*> ways;    ///< In which it acts there.
   std::optional<std::size_t> bins;       ///< The shape of a comb: its starts are proposed by the recording.
   std::optional<std::size_t> threshold;  ///< The shape that is looked for between recorded places.
-  std::optional<std::size_t> moment;     ///< The shape at which something changes for good.
   std::optional<std::size_t> choice;     ///< The shape that is one of two.
   std::optional<std::size_t> begins;     ///< The shape at which it begins, before that at which it ends.
   bool acts_without_size = false;
