@@ -346,20 +346,24 @@ void Scene::describe_spread(const Vector2d& origin, double bearing, const Hit& o
   for (std::size_t k = 0; k < light.size(); ++k) c.spread_mm[k] = range_mm[k] / light[k];
 }
 
-void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, const std::vector<Edge>& edges,
-                     Circumstances& c) const {
+void Scene::describe_place(double bearing, const Hit& hit, Circumstances& c) const {
   c.range_mm = hit.range_mm;
   c.incidence_rad = hit.incidence_rad;
   c.cos_incidence = hit.cosine;
-  c.reflectance = reflectance(hit.target);
   c.bearing_rad = bearing;
-  c.target = hit.target;
   c.along_mm = hit.along_mm;
   c.along_sign = hit.along_sign;
   c.normal = hit.normal;
   c.half_length_mm = of(hit.target).half_mm;
-  c.round = of(hit.target).is_round();
   c.corner_mm = to_corner_mm(hit);
+}
+
+void Scene::describe(const Vector2d& origin, double bearing, const Hit& hit, const std::vector<Edge>& edges,
+                     Circumstances& c) const {
+  describe_place(bearing, hit, c);
+  c.reflectance = reflectance(hit.target);
+  c.target = hit.target;
+  c.round = of(hit.target).is_round();
   const Edge* edge = nearest_edge(edges, bearing);
   if (edge) {
     c.edge_rad = wrap_angle(bearing - edge->bearing_rad) * edge->near_side;

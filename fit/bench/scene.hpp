@@ -60,7 +60,9 @@ class Scene {
   [[nodiscard]] double to_corner_mm(const Hit& hit) const;
   /// ... to the next place where another target begins, inner corner or outer.
   [[nodiscard]] double to_joint_mm(const Hit& hit) const;
-  /// Fills what depends on the place only: range, incidence, target, corner, edge, neighbours.
+  /// Fills what depends on the place and its own surface only: range, incidence, corner.
+  void describe_place(double bearing_rad, const Hit& hit, Circumstances& c) const;
+  /// The same, and what target, edge and neighbours are.
   void describe(const Eigen::Vector2d& origin_mm, double bearing_rad, const Hit& hit,
                 const std::vector<Edge>& edges, Circumstances& c) const;
   [[nodiscard]] double reflectance(int target) const { return of(target).reflectance; }

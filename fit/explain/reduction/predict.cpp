@@ -31,24 +31,6 @@ Nuisance displaced(const Reduced& reduced, Nuisance nuisance, const std::vector<
   return nuisance;
 }
 
-namespace {
-
-/// The cell meets its target elsewhere than before.
-void move_to(const Sight& sight, const Scene& scene, Cell& cell) {
-  cell.sight = sight;
-  cell.at.range_mm = sight.range_mm;
-  cell.at.incidence_rad = sight.incidence_rad;
-  cell.at.cos_incidence = sight.cos_incidence();
-  cell.at.bearing_rad = sight.bearing_rad;
-  cell.at.along_mm = sight.along_mm;
-  cell.at.along_sign = sight.along_sign;
-  cell.at.normal = sight.normal;
-  cell.at.half_length_mm = scene.half_length_mm(sight.target);
-  cell.at.corner_mm = scene.to_corner_mm(sight);
-}
-
-}  // namespace
-
 void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>& at_work,
              bool may_leave_out) {
   const Nuisance nuisance = displaced(reduced, fitted, at_work);
@@ -66,7 +48,8 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
         ++reduced.left_out;
         continue;
       }
-      move_to(sight, scene, cell);
+      cell.sight = sight;
+      scene.describe_place(sight.bearing_rad, sight, cell.at);
       // Once more: mount and walls may have moved since the circumstances before.
       cell.nominal_mm = sight.range_mm + effect_there(reduced, at_work, cell.at).range_mm + cell.of_scans_mm;
     }
