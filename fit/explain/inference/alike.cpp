@@ -5,7 +5,6 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
-#include <map>
 #include <numeric>
 
 #include "fit/explain/inference/screen.hpp"
@@ -50,24 +49,13 @@ bool confounded(const Session& session, Coordinate a, Coordinate b) {
   return scale > 0 && std::abs(x.dot(y)) > numbers::goes_with * scale;
 }
 
-/// Whether a mechanism may be what looks like that term in this session.
-class MayBe {
- public:
-  MayBe(const Session& session, const Mechanism& term) : session_(&session), term_(&term) {}
-  [[nodiscard]] bool operator()(const Mechanism& m) {
-    if (m.id == term_->id) return false;
-    if (std::ranges::count(term_->looks_like, m.id)) return true;
-    if (m.observable != term_->observable || m.geometric || term_->geometric) return false;
-    const auto known = known_.find(m.coordinate);
-    if (known != known_.end()) return known->second;
-    return known_[m.coordinate] = confounded(*session_, term_->coordinate, m.coordinate);
-  }
-
- private:
-  const Session* session_;
-  const Mechanism* term_;
-  std::map<Coordinate, bool> known_;
-};
+/// Whether a mechanism may be what looks like another one in this session.
+bool may_be(const Session& session, const Mechanism& m, const Mechanism& other) {
+  if (m.id == other.id) return false;
+  if (std::ranges::count(other.looks_like, m.id)) return true;
+  return m.observable == other.observable && !m.geometric && !other.geometric &&
+         confounded(session, other.coordinate, m.coordinate);
+}
 
 /// Whether another hypothesis fits as well, all in all and in every channel, as the best one does with a
 /// mechanism.
@@ -82,48 +70,27 @@ bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without
   return loses_little(other.hypothesis.log_fit, best.hypothesis.log_fit, without.hypothesis.log_fit);
 }
 
-/// The best hypothesis without some of its terms, each fitted once.
-class Without {
- public:
-  Without(const Session& session, const Fitted& best) : session_(session), best_(best) {}
-  /// As the best one has them; of none: without all functions.
-  [[nodiscard]] Hypothesis terms(const Kind* kind) const {
-    Hypothesis less;
-    std::ranges::remove_copy_if(
-        best_.hypothesis.terms, std::back_inserter(less.terms),
-        [&](const Term& term) { return kind ? term.kind == kind : term.kind->is_form(); });
-    return less;
-  }
-  [[nodiscard]] const Fitted& operator()(const Kind* kind) {
-    const auto known = known_.find(kind);
-    return known != known_.end() ? known->second
-                                 : known_.emplace(kind, fit(session_, terms(kind))).first->second;
-  }
-
- private:
-  const Session& session_;
-  const Fitted& best_;
-  std::map<const Kind*, Fitted> known_;
-};
+/// The best hypothesis without a term; of no kind: without all functions.
+Hypothesis best_without(const Fitted& best, const Kind* kind) {
+  return best.hypothesis.less(
+      [&](const Term& term) { return kind ? term.kind == kind : term.kind->is_form(); });
+}
 
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
 /// mechanisms.
-std::vector<Named> rivals_of(const Session& session, const Fitted& best, Without& without_each,
-                             const Term& term, double probability,
-                             const std::vector<const Mechanism*>& mechanisms) {
-  std::vector<MayBe> of_each;
-  for (const Mechanism* m : mechanisms) of_each.emplace_back(session, *m);
-  const auto may_be = [&](const Mechanism& m) {
-    return std::ranges::any_of(of_each, [&](MayBe& one) { return one(m); });
+std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& fits, const Term& term,
+                             double probability, const std::vector<const Mechanism*>& mechanisms) {
+  const auto may_be_one = [&](const Mechanism& m) {
+    return std::ranges::any_of(mechanisms, [&](const Mechanism* one) { return may_be(session, m, *one); });
   };
   std::vector<Named> rivals;
-  if (std::ranges::none_of(catalogue(), may_be)) return rivals;
-  const Fitted& without = without_each(term.kind);
+  if (std::ranges::none_of(catalogue(), may_be_one)) return rivals;
+  const Fitted& without = fits(best_without(best, term.kind));
   for (const Candidate& candidate : screen(session, without, term.kind, true)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
-        !may_be(*candidate.term.kind->mechanism))
+        !may_be_one(*candidate.term.kind->mechanism))
       continue;
-    Hypothesis other = without_each.terms(term.kind);
+    Hypothesis other = best_without(best, term.kind);
     other.terms.push_back(candidate.term);
     const Fitted fitted = fit(session, other);
     if (!fits_as_well(fitted, best, without, *term.kind->mechanism)) continue;
@@ -143,14 +110,16 @@ std::vector<Named> rivals_of(const Session& session, const Fitted& best, Without
 /// a formula; where its smooth deviations are in the model, they leave the same share of what it errs by.
 class LeftByOthers {
  public:
-  LeftByOthers(const Fitted& best, Without& without) : best_(best), without_(without) {
+  LeftByOthers(const Fitted& best, Fits& fits) : best_(best), fits_(fits) {
     const auto is_form = [](const Term& term) { return term.kind->is_form(); };
     const auto first = std::ranges::find_if(best.hypothesis.terms, is_form);
-    if (first != best.hypothesis.terms.end()) add(*first, numbers::function_error, without(nullptr));
+    if (first != best.hypothesis.terms.end())
+      add(*first, numbers::function_error, fits(best_without(best, nullptr)));
     if (best.hypothesis.terms.size() < 2) return;
     for (std::size_t t = 0; t < best.hypothesis.terms.size(); ++t) {
       const Term& term = best.hypothesis.terms[t];
-      if (const double share = share_left(best, t); share > 0) add(term, share, without(term.kind));
+      if (const double share = share_left(best, t); share > 0)
+        add(term, share, fits(best_without(best, term.kind)));
     }
   }
 
@@ -170,8 +139,8 @@ class LeftByOthers {
       of_functions = gain;
     }
     if (may_gain == 0) return {};
-    const double log_odds =
-        best_.hypothesis.log_posterior() - without_(named.term.kind).hypothesis.log_posterior() - may_gain;
+    const Fitted& without = fits_(best_without(best_, named.term.kind));
+    const double log_odds = best_.hypothesis.log_posterior() - without.hypothesis.log_posterior() - may_gain;
     const double probability = 1 / (1 + std::exp(-std::max(0.0, log_odds)));
     if (probability >= numbers::named_at) return {};
     return {{of_functions > may_gain / 2 ? *function : Term{},
@@ -192,7 +161,7 @@ class LeftByOthers {
   }
 
   const Fitted& best_;
-  Without& without_;
+  Fits& fits_;
   std::vector<Other> others_;
 };
 
@@ -239,13 +208,12 @@ double share_left(const Fitted& best, std::size_t term) {
   return best.design.blocks[term].deviations > 0 ? error * error : error;
 }
 
-void join_what_looks_alike(const Session& session, const Fitted& best, Posterior& posterior) {
-  Without without(session, best);
-  const LeftByOthers left(best, without);
+void join_what_looks_alike(const Session& session, const Fitted& best, Fits& fits, Posterior& posterior) {
+  const LeftByOthers left(best, fits);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     std::vector<Named> rivals =
-        rivals_of(session, best, without, named.term, named.probability, {named.term.kind->mechanism.get()});
+        rivals_of(session, best, fits, named.term, named.probability, {named.term.kind->mechanism.get()});
     std::ranges::copy(functions_instead(session, best, named), std::back_inserter(rivals));
     std::ranges::copy(left.instead_of(named), std::back_inserter(rivals));
     const std::vector<std::string> also = names_of_bench_file(named.term);
@@ -265,7 +233,7 @@ void join_what_looks_alike(const Session& session, const Fitted& best, Posterior
     for (const auto& [term, probability] : std::vector(set.members)) {
       if (!term.kind) continue;
       if (best.hypothesis.has(*term.kind))
-        join(rivals_of(session, best, without, term, probability, mechanisms), set);
+        join(rivals_of(session, best, fits, term, probability, mechanisms), set);
       if (term.kind->is_form()) continue;
       for (const std::string& name : names_of_bench_file(term))
         if (!std::ranges::count(set.also, name)) set.also.push_back(name);

@@ -41,24 +41,19 @@ double constant_noise_of(const Session& session, const Hypothesis& best) {
 }
 
 /// Without a term, and without all other sizes of its mechanism that may be missing apart.
-Fitted without(const Session& session, const Hypothesis& h, const Kind& kind) {
-  const auto is_of_it = [&](const Term& term) {
+Hypothesis without(const Hypothesis& h, const Kind& kind) {
+  return h.less([&](const Term& term) {
     return term.kind == &kind ||
            (kind.size && term.kind->mechanism == kind.mechanism && term.kind->target == kind.target);
-  };
-  Hypothesis less;
-  for (const Term& term : h.terms)
-    if (!is_of_it(term)) less.terms.push_back(term);
-  return fit(session, less);
+  });
 }
 
 /// Held-out figures of what has a name alone, where functions without one move means.
-HeldOutFigures without_functions(const Session& session, const Fitted& best, const HeldOutFigures& after) {
+HeldOutFigures without_functions(const Session& session, const Fitted& best, const HeldOutFigures& after,
+                                 Fits& fits) {
   const auto is_function = [](const Term& term) { return term.kind->is_form() && term.kind->moves_means(); };
   if (std::ranges::none_of(best.hypothesis.terms, is_function)) return after;
-  Hypothesis names;
-  std::ranges::remove_copy_if(best.hypothesis.terms, std::back_inserter(names.terms), is_function);
-  return hold_out(session, fit(session, names));
+  return hold_out(session, fits(best.hypothesis.less(is_function)));
 }
 
 /// A channel's nuisances as a hypothesis has them.
@@ -133,7 +128,8 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
   out.tables = tables_of(session, best, out.posterior);
 }
 
-void measure(const Session& session, const Fitted& nothing, const Explored& explored, Inferred& out) {
+void measure(const Session& session, const Fitted& nothing, const Explored& explored, Fits& fits,
+             Inferred& out) {
   const Hypothesis& best = explored.best.hypothesis;
   out.means.before = hold_out(session, nothing, true);
   out.curves = curves_of(session, nothing, explored.best, out.posterior);
@@ -142,9 +138,9 @@ void measure(const Session& session, const Fitted& nothing, const Explored& expl
   // In absolute figures the means alone are told, to which the gain of all channels is added.
   out.means.after.log_likelihood =
       out.means.before.log_likelihood + all - hold_out(session, nothing).log_likelihood;
-  out.means.without_functions = without_functions(session, explored.best, out.means.after);
+  out.means.without_functions = without_functions(session, explored.best, out.means.after, fits);
   const auto gain_of = [&](const Term& term) {
-    const Fitted less = without(session, best, *term.kind);
+    const Fitted& less = fits(without(best, *term.kind));
     return Gain{all - hold_out(session, less).log_likelihood,
                 explored.best.optimum.log_likelihood - less.optimum.log_likelihood};
   };
@@ -229,7 +225,8 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
   out.kinds = session.shared_kinds();
   const Explored explored = explore(session, progress);
   out.posterior = posterior_of(explored);
-  join_what_looks_alike(session, explored.best, out.posterior);
+  Fits fits(session);
+  join_what_looks_alike(session, explored.best, fits, out.posterior);
   out.means.noise = session.noise();
   take_means(session, explored.best.hypothesis, out.means);
   out.means.shapes_carry_over = forms_carry_over(session, explored.best);
@@ -237,8 +234,8 @@ Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progres
     out.notes.emplace_back(
         "Captures do not show that unnamed functions are the same in all of them: predictions of other "
         "recordings leave them out.");
-  const Fitted nothing = fit(session, {});
-  measure(session, nothing, explored, out);
+  const Fitted& nothing = fits({});
+  measure(session, nothing, explored, fits, out);
   restate(session, nothing, explored.best, out);
   for (const Term& term : explored.best.hypothesis.terms)
     if (term.kind->mechanism->coordinate == Coordinate::scan_seq)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "fit/explain/model/autoregression.hpp"
@@ -26,6 +27,12 @@ std::vector<const Kind*> Hypothesis::kinds() const {
   for (const Term& term : terms) list.push_back(term.kind);
   std::ranges::sort(list);
   return list;
+}
+
+Hypothesis Hypothesis::less(const std::function<bool(const Term&)>& these) const {
+  Hypothesis others;
+  std::ranges::remove_copy_if(terms, std::back_inserter(others.terms), these);
+  return others;
 }
 
 namespace {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -25,6 +26,8 @@ struct Hypothesis {
   [[nodiscard]] double log_posterior() const { return log_evidence + log_prior; }
   [[nodiscard]] bool has(const Kind& kind) const;
   [[nodiscard]] std::vector<const Kind*> kinds() const;
+  /// Its other terms, with nothing known of the nuisances.
+  [[nodiscard]] Hypothesis less(const std::function<bool(const Term&)>& these) const;
 };
 
 /// What coefficients with these standard deviations are counted in: none is zero.
