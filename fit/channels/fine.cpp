@@ -21,7 +21,7 @@ class Fine final : public model::NormalRows {
       std::vector<Index>& block = means_.blocks.emplace_back();
       for (const Cell* cell : run) {
         block.push_back(std::ssize(rows));
-        off.push_back(cell->mean_mm - cell->nominal_mm);
+        off.push_back(cell->off_mm());
         rows.push_back({cell->at, reduced.group_of(*cell).capture, off.back()});
         weight.push_back(1 / std::sqrt(variance_of_mean(*cell, noise)));
       }

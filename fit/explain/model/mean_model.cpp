@@ -106,7 +106,7 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
       levers_.push_back({sight.beam_lever(), sight.stage_lever(), sight.normal.x() / sight.cos_incidence(),
                          sight.normal.y() / sight.cos_incidence()});
       weights.push_back(1 / std::sqrt(explain::variance_of_mean(cell, noise)));
-      residuals.push_back(cell.mean_mm - cell.nominal_mm);
+      residuals.push_back(cell.off_mm());
     }
     group_rows.emplace_back(first, static_cast<Eigen::Index>(row_.size()));
     Common common;

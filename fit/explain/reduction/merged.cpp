@@ -17,7 +17,7 @@ Cell middle_of(const std::vector<const Cell*>& run) {
   for (const Cell* one : run) {
     const double w = one->n / one->pooled_mm2;
     weight += w;
-    off += w * (one->mean_mm - one->nominal_mm);
+    off += w * one->off_mm();
     cell.n += one->n;
   }
   cell.mean_mm = cell.nominal_mm + off / weight;

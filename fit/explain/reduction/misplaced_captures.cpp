@@ -30,7 +30,7 @@ std::optional<double> share_that_fits(const Reduced& reduced, const Group& group
   for (const Cell& cell : reduced.cells_of(group)) {
     if (cell.n + cell.lost == 0) continue;
     ++all;
-    fits += cell.n > 0 && std::abs(cell.mean_mm - cell.nominal_mm) < allowed_mm(reduced.bench, cell.sight);
+    fits += cell.n > 0 && std::abs(cell.off_mm()) < allowed_mm(reduced.bench, cell.sight);
   }
   constexpr double enough = 20;
   if (all < enough) return {};

@@ -20,37 +20,25 @@ constexpr double same_place = 0.5;  // share of what both cover
 bool goes_through(const Cell& cell) {
   return cell.n > 0 ? cell.mean_mm > cell.nominal_mm + astray_mm : cell.lost > 0 && cell.stray == 0;
 }
-bool is_near(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm) < astray_mm; }
+bool is_near(const Cell& cell) { return std::abs(cell.off_mm()) < astray_mm; }
 bool is_met(const Cell& cell) { return cell.n > 0 && cell.lost == 0 && is_near(cell); }
 
-/// Whether a cell meets its target where the bench file has it, or for sure not.
-class AsStated {
- public:
-  AsStated(const Reduced& reduced, const Group& group) : bench_(reduced.bench), sigma_mm_(group.sigma_mm) {}
-  [[nodiscard]] bool is_elsewhere(const Cell& cell) const {
-    return cell.n > 0 ? off_mm(cell) > surely_mm(cell) : goes_through(cell);
-  }
-  [[nodiscard]] bool is_there(const Cell& cell) const {
-    return cell.n > 0 && cell.lost == 0 && 2 * off_mm(cell) < surely_mm(cell);
-  }
-
-  /// Whether it may belong to what is elsewhere beside it.
-  [[nodiscard]] bool leans(const Cell& cell) const {
-    constexpr double hardly = 4;
-    return cell.n > 0 && hardly * off_mm(cell) > surely_mm(cell);
-  }
-  static double off_mm(const Cell& cell) { return std::abs(cell.mean_mm - cell.nominal_mm); }
-
- private:
-  [[nodiscard]] double surely_mm(const Cell& cell) const {
-    constexpr double least_mm = 40, sigmas = 12;
-    return std::max(least_mm, sigmas * sigma_mm_ / std::sqrt(cell.n)) +
-           doubt_of_mount * misplaced_mm(bench_, cell.sight);
-  }
-
-  const Bench& bench_;
-  double sigma_mm_;
-};
+/// How far a mean is off, in units of what it is off for sure.
+double off_for_sure(const Reduced& reduced, const Cell& cell) {
+  constexpr double least_mm = 40, sigmas = 12;
+  const double noise_mm = std::max(least_mm, sigmas * reduced.group_of(cell).sigma_mm / std::sqrt(cell.n));
+  return std::abs(cell.off_mm()) / (noise_mm + doubt_of_mount * misplaced_mm(reduced.bench, cell.sight));
+}
+bool is_elsewhere(const Reduced& reduced, const Cell& cell) {
+  return cell.n > 0 ? off_for_sure(reduced, cell) > 1 : goes_through(cell);
+}
+bool is_there(const Reduced& reduced, const Cell& cell) {
+  return cell.n > 0 && cell.lost == 0 && off_for_sure(reduced, cell) < 0.5;
+}
+/// Whether it may belong to what is elsewhere beside it.
+bool leans(const Reduced& reduced, const Cell& cell) {
+  return cell.n > 0 && off_for_sure(reduced, cell) > 0.25;
+}
 
 bool is_hidden(const Cell& cell) { return cell.n + cell.lost + cell.stray == 0; }
 
@@ -71,8 +59,8 @@ struct Run {
 
 /// From one end of a run on: the last cell that leans towards it or would, if it goes on to lean as they do;
 /// not beyond so many.
-long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t run_end, long step,
-                     long no_more, const Reduced& reduced) {
+long where_it_begins(const Group& group, std::size_t run_end, long step, long no_more,
+                     const Reduced& reduced) {
   const auto cell = [&](long i) -> const Cell& { return reduced.cells[static_cast<std::size_t>(i)]; };
   const auto strong = static_cast<long>(run_end);
   const auto goes_on = [&](long i) {
@@ -80,8 +68,8 @@ long where_it_begins(const Group& group, const AsStated& as_stated, std::size_t 
            cell(i).at.target == cell(strong).at.target;
   };
   long last = strong;
-  while (goes_on(last + step) && as_stated.leans(cell(last + step))) last += step;
-  const double there = AsStated::off_mm(cell(last)), falls = AsStated::off_mm(cell(strong)) - there;
+  while (goes_on(last + step) && leans(reduced, cell(last + step))) last += step;
+  const double there = std::abs(cell(last).off_mm()), falls = std::abs(cell(strong).off_mm()) - there;
   if (last == strong || falls <= 0) return last;
   const double more = there / falls * static_cast<double>(std::abs(last - strong));
   for (long k = 0; k < std::min(no_more, std::lround(std::ceil(more))) && goes_on(last + step); ++k)
@@ -95,12 +83,12 @@ struct EndOfRun {
 };
 
 /// Whether most of what is seen of a target is where it should be: else something else is the matter.
-bool is_mostly_there(const Reduced& reduced, const Group& group, const AsStated& as_stated, int target) {
+bool is_mostly_there(const Reduced& reduced, const Group& group, int target) {
   int seen = 0, there = 0;
   for (const Cell& cell : reduced.cells_of(group)) {
     if (cell.at.target != target || is_hidden(cell)) continue;
     ++seen;
-    there += as_stated.is_there(cell);
+    there += is_there(reduced, cell);
   }
   return 2 * there > seen;
 }
@@ -108,11 +96,10 @@ bool is_mostly_there(const Reduced& reduced, const Group& group, const AsStated&
 void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs) {
   if (is_turning(reduced.capture_of(group))) return;  // its cells are of several beams of one scan
   const auto& cells = reduced.cells;
-  const AsStated as_stated(reduced, group);
   for (std::size_t first = group.first_cell, end = first; first < group.last_cell;
        first = std::max(end, first + 1)) {
     end = first;
-    while (end < group.last_cell && as_stated.is_elsewhere(cells[end]) &&
+    while (end < group.last_cell && is_elsewhere(reduced, cells[end]) &&
            cells[end].at.target == cells[first].at.target)
       ++end;
     if (end - first < fewest_through) continue;
@@ -126,8 +113,8 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
         const bool is_own = cells[i].at.target == target;
         seen.is_hidden |=
             is_own ? is_hidden(cells[i]) : cells[i].nominal_mm + astray_mm < cells[first].nominal_mm;
-        seen.goes_on |= is_own && !as_stated.is_elsewhere(cells[i]);
-        seen.is_there |= is_own && as_stated.is_there(cells[i]);
+        seen.goes_on |= is_own && !is_elsewhere(reduced, cells[i]);
+        seen.is_there |= is_own && is_there(reduced, cells[i]);
       }
       return seen;
     };
@@ -136,11 +123,11 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
     if (!(before.goes_on || before.is_hidden) || !(behind.goes_on || behind.is_hidden)) continue;
     const bool ends_at_once = before.is_there || behind.is_there || before.is_hidden || behind.is_hidden;
     if (!ends_at_once || !(before.goes_on || behind.goes_on)) continue;
-    if (!is_mostly_there(reduced, group, as_stated, target)) continue;
+    if (!is_mostly_there(reduced, group, target)) continue;
     const auto from_end = [&](const EndOfRun& seen, std::size_t run_end, long step) {
       if (seen.is_there) return run_end;
       return static_cast<std::size_t>(
-          where_it_begins(group, as_stated, run_end, step, static_cast<long>(end - first), reduced));
+          where_it_begins(group, run_end, step, static_cast<long>(end - first), reduced));
     };
     const std::size_t from = from_end(before, first, -1), to = from_end(behind, end - 1, 1) + 1;
     Run run{target, group.capture, cells[from].at.along_mm, cells[to - 1].at.along_mm,
@@ -168,7 +155,6 @@ void leave_out(Opening& one, double margin_mm, Reduced& reduced) {
   std::vector<double> off_mm;
   std::set<int> captures;
   for (const Group& group : reduced.groups) {
-    const AsStated as_stated(reduced, group);
     std::vector<Cell*> within;
     bool is_shown = false;
     for (Cell& cell : reduced.cells_of(group)) {
@@ -176,13 +162,13 @@ void leave_out(Opening& one, double margin_mm, Reduced& reduced) {
           cell.at.along_mm > one.to_mm + margin_mm)
         continue;
       within.push_back(&cell);
-      if (!as_stated.is_elsewhere(cell)) continue;
+      if (!is_elsewhere(reduced, cell)) continue;
       is_shown = true;
-      off_mm.push_back(goes_through(cell) ? astray_mm : cell.mean_mm - cell.nominal_mm);
+      off_mm.push_back(goes_through(cell) ? astray_mm : cell.off_mm());
     }
     if (is_shown) captures.insert(group.capture);
     for (Cell* cell : within)
-      if (is_shown || as_stated.leans(*cell)) cell->leave_out();
+      if (is_shown || leans(reduced, *cell)) cell->leave_out();
   }
   one.captures = static_cast<int>(captures.size());
   one.off_mm = median_of(std::move(off_mm));

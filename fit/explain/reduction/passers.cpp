@@ -69,13 +69,12 @@ struct Seen {
 bool stands_out(std::span<const Cell> cells, int first, int end) {
   constexpr int beside = 3;
   const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
-  const auto off_mm = [](const Cell& cell) { return cell.mean_mm - cell.nominal_mm; };
   int steps = 0;
   for (const auto& [inner, outer] :
        {std::pair(first + beside, first - beside), std::pair(end - 1 - beside, end - 1 + beside)}) {
     if (outer < 0 || outer >= static_cast<int>(cells.size()) || inner < first || inner >= end) continue;
     if (at(outer).at.target != at(inner).at.target || at(outer).n == 0) continue;
-    if (2 * std::abs(off_mm(at(outer))) > std::abs(off_mm(at(inner)))) return false;
+    if (2 * std::abs(at(outer).off_mm()) > std::abs(at(inner).off_mm())) return false;
     ++steps;
   }
   return steps > 0;
@@ -108,7 +107,7 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
   const auto off_mm = [&](const Cell& cell) {
     const double doubt_mm =
         nearer_mm(reduced.group_of(cell).sigma_mm) + doubt_of_mount * misplaced_mm(reduced.bench, cell.sight);
-    const double off = cell.mean_mm - cell.nominal_mm, range_mm = cell.sight.range_mm;
+    const double off = cell.off_mm(), range_mm = cell.sight.range_mm;
     const bool beside_edge =
         std::abs(cell.at.edge_rad) < beside_rad + sway_mm(mount, range_mm, doubt_of_mount) / range_mm;
     return cell.n == 0 || beside_edge || std::abs(off) < doubt_mm ? 0 : off;

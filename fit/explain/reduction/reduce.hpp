@@ -51,6 +51,7 @@ struct Cell {
   std::size_t first_kept = 0;  ///< Of its n samples in Reduced::kept, if they are kept.
   Sight sight;                 ///< At the nuisance parameters last used for prediction.
   double nominal_mm = 0;       ///< Predicted range.
+  [[nodiscard]] double off_mm() const { return mean_mm - nominal_mm; }
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
   /// What changes from scan to scan and is predicted: its mean over the scans, mm, and its variance, mm^2.
   double of_scans_mm = 0, of_scans_mm2 = 0;

@@ -161,7 +161,7 @@ void judge_samples(const Core& core, int echoes, double sigma_mm, bool turning, 
   const bool mixed =
       core.spread_mm > wider * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0;
   if (cell.smooth && cell.doubtful) {  // beside an edge: all samples, or none, met that surface
-    cell.smooth = !mixed && std::abs(cell.mean_mm - cell.nominal_mm) < 60 + 5 * sigma_mm;
+    cell.smooth = !mixed && std::abs(cell.off_mm()) < 60 + 5 * sigma_mm;
     cell.doubtful = !cell.smooth;
   }
   if (mixed) cell.doubtful = false;
@@ -214,7 +214,7 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     return;
   }
   judge_samples(core, all.looked - all.lost, sigma_mm, turning, cell);
-  const bool astray = std::abs(cell.mean_mm - cell.nominal_mm) > astray_mm;
+  const bool astray = std::abs(cell.off_mm()) > astray_mm;
   if (astray) cell.smooth = false;
   session.in_clear += in_clear;
   session.astray += in_clear && astray;
