@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "fit/explain/scene/scene.hpp"
 
@@ -13,25 +14,12 @@ namespace {
 constexpr double longest_movable_mm = 3000;   // nobody moves a wall
 constexpr std::size_t fewest_placements = 4;  // that are worth carrying a target about
 
-void number(Experiment& e, double pause_s, double first_s) {
-  double time = first_s;
-  int id = 1;
-  double before = 0;
-  for (CaptureInfo& c : e.captures) {
-    c.id = id++;
-    c.started_us = static_cast<std::int64_t>((time - first_s) * 1e6);
-    c.since_power_on_s = time;
-    time += pause_s;
-    if (c.approach == 0) c.approach = c.stage_rad > before ? 1 : c.stage_rad < before ? -1 : 0;
-    before = c.stage_rad;
-  }
-}
-
-CaptureInfo whole_scene(const Bench& bench, double stage_deg) {
+CaptureInfo whole_scene(const Bench& bench, double stage_deg, std::optional<double> celsius = {}) {
   CaptureInfo c;
   c.stage_rad = stage_deg * rad_per_deg;
   c.first_step = bench.lidar.first_step;
   c.last_step = bench.lidar.steps - 1;
+  c.temperature_c = celsius;
   return c;
 }
 
@@ -51,23 +39,35 @@ CaptureInfo aimed_at(const Bench& bench, const Target& target) {
 
 namespace {
 
-Experiment experiment(Experiment::Kind kind, std::string title, int scans) {
+/// Of captures that follow each other after that pause, from that time after power-on.
+Experiment made(Experiment::Kind kind, std::string title, int scans, double pause_s, double first_s,
+                std::vector<CaptureInfo> captures) {
   Experiment e;
   e.kind = kind;
   e.title = std::move(title);
   e.scans = scans;
+  e.captures = std::move(captures);
+  int id = 0;
+  double before = 0;
+  for (CaptureInfo& c : e.captures) {
+    const double since_s = pause_s * id;
+    c.id = ++id;
+    c.started_us = static_cast<std::int64_t>(since_s * 1e6);
+    c.since_power_on_s = first_s + since_s;
+    if (c.approach == 0) c.approach = c.stage_rad > before ? 1 : c.stage_rad < before ? -1 : 0;
+    before = c.stage_rad;
+  }
   return e;
 }
 
 /// Stage angles up and down again.
-Experiment from_both_sides(Experiment e, const Bench& bench, double from_deg, double to_deg, double step_deg,
-                           double pause_s) {
+std::vector<CaptureInfo> from_both_sides(const Bench& bench, double from_deg, double to_deg,
+                                         double step_deg) {
+  std::vector<CaptureInfo> captures;
   for (double angle = from_deg; angle <= to_deg; angle += step_deg)
-    e.captures.push_back(whole_scene(bench, angle));
-  const std::size_t up = e.captures.size();
-  for (std::size_t i = 0; i < up; ++i) e.captures.push_back(e.captures[up - 1 - i]);
-  number(e, pause_s, 1800);
-  return e;
+    captures.push_back(whole_scene(bench, angle));
+  for (std::size_t i = captures.size(); i-- > 0;) captures.push_back(captures[i]);
+  return captures;
 }
 
 double distance_of(const Target& target) { return std::abs(target.from_mm.dot(target.outward_normal())); }
@@ -76,65 +76,55 @@ double distance_of(const Target& target) { return std::abs(target.from_mm.dot(ta
 std::vector<Experiment> with_placements(const Bench& bench, const Target& target) {
   using Kind = Experiment::Kind;
   std::vector<Experiment> list;
-  const auto begin = [&](Kind kind, const std::string& how) {
-    list.push_back(experiment(kind, "Target '" + target.name + "' " + how, 60));
-  };
+  std::vector<CaptureInfo> captures;
   const auto place = [&](double shift_mm, double rho) {
-    CaptureInfo& c = list.back().captures.emplace_back(aimed_at(bench, target));
+    CaptureInfo& c = captures.emplace_back(aimed_at(bench, target));
     c.target_shift_mm = shift_mm;
     c.reflectance = rho;
   };
+  const auto add = [&](Kind kind, const std::string& how) {
+    list.push_back(
+        made(kind, "Target '" + target.name + "' " + how, 60, 20, 3600, std::exchange(captures, {})));
+  };
   const double nominal = distance_of(target);
-  begin(Kind::ladder, "at many distances, bright and dark");
   for (const double rho : {0.85, 0.4, 0.12})
     for (const double away_mm : {300, 450, 650, 900, 1250, 1700, 2300, 3100, 4200, 5700, 7700})
       place(away_mm - nominal, rho);
-  begin(Kind::greys, "in many greys at two distances");
+  add(Kind::ladder, "at many distances, bright and dark");
   for (const double shift_mm : {0.0, 1000.0})
     for (const double rho : {0.9, 0.5, 0.28, 0.16, 0.09, 0.05}) place(shift_mm, rho);
-  begin(Kind::dark, "in dark greys, far away");  // the weakest echoes that a bench can make
-  for (const double away_mm : {2300, 4200, 6500, 9800})
+  add(Kind::greys, "in many greys at two distances");
+  for (const double away_mm : {2300, 4200, 6500, 9800})  // the weakest echoes that a bench can make
     for (const double rho : {0.2, 0.1, 0.05, 0.02}) place(away_mm - nominal, rho);
-  for (Experiment& e : list) number(e, 20, 3600);
+  add(Kind::dark, "in dark greys, far away");
   return list;
 }
 
 Experiment heat(const Bench& bench) {
-  Experiment e =
-      experiment(Experiment::Kind::heat, "The lidar's housing heated and cooled after warm-up", 40);
-  for (const double celsius : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0}) {
-    CaptureInfo c = whole_scene(bench, 0);
-    c.temperature_c = celsius;
-    e.captures.push_back(c);
-  }
-  number(e, 900, 7200);
-  return e;
+  std::vector<CaptureInfo> captures;
+  for (const double celsius : {20.0, 26.0, 32.0, 38.0, 32.0, 26.0, 20.0})
+    captures.push_back(whole_scene(bench, 0, celsius));
+  return made(Experiment::Kind::heat, "The lidar's housing heated and cooled after warm-up", 40, 900, 7200,
+              std::move(captures));
 }
 
 Experiment cold_start(const Bench& bench) {
-  Experiment e = experiment(Experiment::Kind::cold_start,
-                            "From a cold start, at a housing temperature that is held", 10);
-  for (int minute = 0; minute < 60; ++minute) {
-    CaptureInfo c = whole_scene(bench, 0);
-    c.temperature_c = steady_c;
-    e.captures.push_back(c);
-  }
-  number(e, 60, 0);
-  return e;
+  constexpr std::size_t minutes = 60;
+  return made(Experiment::Kind::cold_start, "From a cold start, at a housing temperature that is held", 10,
+              60, 0, std::vector(minutes, whole_scene(bench, 0, steady_c)));
 }
 
 Experiment turning(const Bench& bench, double from_deg, double to_deg) {
-  Experiment e = experiment(Experiment::Kind::turning, "The stage turns at two rates, both ways", 40);
+  std::vector<CaptureInfo> captures;
   const double middle_deg = (from_deg + to_deg) / 2, reach_deg = std::min(60.0, (to_deg - from_deg) / 2);
   for (const double rate : {10.0, 30.0})
     for (const double sign : {1.0, -1.0}) {
-      CaptureInfo c = whole_scene(bench, middle_deg - sign * reach_deg / 2);
+      CaptureInfo& c = captures.emplace_back(whole_scene(bench, middle_deg - sign * reach_deg / 2));
       c.stage_rate_rad_s = sign * rate * rad_per_deg;
       c.approach = sign > 0 ? 1 : -1;
-      e.captures.push_back(c);
     }
-  number(e, 20, 1800);
-  return e;
+  return made(Experiment::Kind::turning, "The stage turns at two rates, both ways", 40, 20, 1800,
+              std::move(captures));
 }
 
 }  // namespace
@@ -153,13 +143,11 @@ void leave_out_hidden(Experiment& experiment, const Bench& bench) {
 std::vector<Experiment> possible_experiments(const Bench& bench, const StageTravel& travel) {
   const double from = travel.from_rad * deg_per_rad, to = travel.to_rad * deg_per_rad;
   std::vector<Experiment> list;
-  list.push_back(
-      from_both_sides(experiment(Experiment::Kind::all_round,
-                                 "The whole scene from stage angles all round, from both sides", 10),
-                      bench, std::max(-180.0, from), std::min(165.0, to), 15, 12));
-  list.push_back(
-      from_both_sides(experiment(Experiment::Kind::both_sides, "Small stage steps from both sides", 20),
-                      bench, std::max(-8.0, from), std::min(8.0, to), 0.37, 6));
+  list.push_back(made(Experiment::Kind::all_round,
+                      "The whole scene from stage angles all round, from both sides", 10, 12, 1800,
+                      from_both_sides(bench, std::max(-180.0, from), std::min(165.0, to), 15)));
+  list.push_back(made(Experiment::Kind::both_sides, "Small stage steps from both sides", 20, 6, 1800,
+                      from_both_sides(bench, std::max(-8.0, from), std::min(8.0, to), 0.37)));
   for (const Target& target : bench.targets) {
     if (!is_movable(target)) continue;
     for (Experiment& e : with_placements(bench, target)) {
@@ -184,18 +172,17 @@ std::vector<Experiment> experiments_by_hand(const Bench& bench, const std::vecto
     const double nominal = distance_of(target);
     const auto add = [&](const char* title, const std::vector<double>& distances,
                          const std::vector<double>& greys) {
-      Experiment e = experiment(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100);
-      e.by_hand = true;
+      std::vector<CaptureInfo> captures;
       for (const double rho : greys)
         for (const double distance : distances) {
-          CaptureInfo c = whole_scene(bench, 0);
+          CaptureInfo& c = captures.emplace_back(whole_scene(bench, 0));
           c.target = target.name;
           c.target_shift_mm = distance - nominal;
           if (greys.size() > 1) c.reflectance = rho;
-          e.captures.push_back(c);
         }
-      number(e, 60, 3600);
-      list.push_back(e);
+      list.push_back(made(Experiment::Kind::ladder, "Target '" + target.name + "' " + title, 100, 60, 3600,
+                          std::move(captures)));
+      list.back().by_hand = true;
     };
     const double white = target.reflectance.value_or(0.8);
     add("at close and far distances", {300, 500, 700, 1000, 1400, 2000, 2800, 4000}, {white});
