@@ -29,9 +29,7 @@ double log_sum(const std::vector<double>& logs) {
 }
 
 double log_determinant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
-  double sum = 0;
-  for (Index i = 0; i < factor.rows(); ++i) sum += 2 * std::log(factor.matrixLLT()(i, i));
-  return sum;
+  return 2 * factor.matrixLLT().diagonal().array().log().sum();
 }
 
 Integral integrate(const Quadratic& likelihood, const Prior& prior) {
