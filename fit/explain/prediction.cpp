@@ -213,22 +213,25 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
   };
   Predictor p;
   p.functions = functions;
+  std::vector<KnownMechanism> all;  // with what happened once, in no other recording
+  const auto add = [&](const Mechanism& m, std::map<std::string, Estimate> parameters, int target) {
+    all.push_back(as_known(m, std::move(parameters), name_of(target)));
+    if (!m.happened_once()) p.mechanisms.push_back(all.back());
+  };
   for (const Active& term : means.best.terms) {
-    if (term.mechanism->happened_once()) continue;
     std::map<std::string, Estimate> parameters;
     for (std::size_t k = 0; k < term.values.size(); ++k)
       parameters[term.mechanism->parameters[k].name] = {term.values[k], term.sigma[k]};
-    p.mechanisms.push_back(as_known(*term.mechanism, std::move(parameters), name_of(term.target)));
+    add(*term.mechanism, std::move(parameters), term.target);
   }
   for (const auto* list : {&accepted, &undecided})
     for (const Suspect& suspect : *list)
-      if (!is_constant_noise(*suspect.mechanism) && !suspect.mechanism->happened_once())
-        p.mechanisms.push_back(as_known(*suspect.mechanism, suspect.parameters, name_of(suspect.target)));
+      if (!is_constant_noise(*suspect.mechanism)) add(*suspect.mechanism, suspect.parameters, suspect.target);
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   fit_nuisances(reduced, means.noise, passes, nothing);
   p.constant_before = constant_noise_of(reduced);
-  for (const KnownMechanism& found_one : p.mechanisms) add_known(reduced.bench, found_one);
+  for (const KnownMechanism& found_one : all) add_known(reduced.bench, found_one);
   Hypothesis found(reduced.bench);
   found.nuisance = means.best.nuisance;
   if (functions.empty()) {
