@@ -17,23 +17,27 @@ using Eigen::Index;
 double share_of_beams(const Reduced& reduced, double rho) {
   constexpr double certain = 3;  // standard errors
   constexpr int fewest_scans = 4;
-  LagSums seen{}, white{}, with{};
-  double pairs = 0;
+  std::map<int, double> cells_of_length;
+  double next = 0, squares = 0;  // products of neighbours, and of each with itself
   for (const Group& group : reduced.groups) {
     if (group.scans < fewest_scans || group.cells == 0 || !(group.lagged[0] > 0)) continue;
     const auto cells = static_cast<double>(group.cells);
-    const double scale = group.lagged[0] / (group.scans - 1.0) / cells;
-    const LagSums of_white = lagged_of(group.scans, 0), remembered = lagged_of(group.scans, rho);
+    const double pairs = cells * (group.scans - 1.0);
+    next += group.lagged[1] / group.lagged[0] * pairs;
+    squares += pairs;
+    cells_of_length[group.scans] += cells;
+  }
+  if (cells_of_length.empty()) return 0;
+  LagSums white{}, with{};
+  for (const auto& [scans, cells] : cells_of_length) {
+    const LagSums of_white = lagged_of(scans, 0), remembered = lagged_of(scans, rho);
     for (const std::size_t lag : {0, 1}) {
-      seen[lag] += group.lagged[lag] / scale;
       white[lag] += cells * of_white[lag];
       with[lag] += cells * remembered[lag];
     }
-    pairs += cells * (group.scans - 1.0);
   }
-  if (!(pairs > 0)) return 0;
-  const double ratio = seen[1] / seen[0];
-  if (ratio - white[1] / white[0] < certain / std::sqrt(pairs)) return 0;
+  const double ratio = next / squares;
+  if (ratio - white[1] / white[0] < certain / std::sqrt(squares)) return 0;
   // The share at which the mixed sums have that ratio.
   const double share = (white[1] - ratio * white[0]) / (ratio * (with[0] - white[0]) - (with[1] - white[1]));
   return std::clamp(share, 0.0, 1.0);

@@ -6,16 +6,22 @@
 #include <map>
 
 namespace fit::explain::reduction {
+namespace {
+
+/// Whether noise may take the cell's samples there.
+bool may_reach(const RangeLimit& limit, const Cell& cell, double sigma_mm) {
+  constexpr double widths = 4;
+  return cell.nominal_mm > limit.mm - widths * sigma_mm;
+}
+
+}  // namespace
 
 std::optional<RangeLimit> range_limit(const Reduced& reduced) {
   constexpr int fewest_samples = 5;  // that agree to the millimetre
   constexpr double fewest_cells = 0.01, far_fewer = 0.1;
-  constexpr double noisy_mm = 1, widths = 4;
+  constexpr double noisy_mm = 1;
   const double sigma_mm = reduced.typical_sigma_mm();
   if (sigma_mm < noisy_mm) return {};  // all beams repeat themselves
-  const auto is_one_number = [](const Cell& cell) {
-    return cell.n >= fewest_samples && cell.variance_mm2 == 0;
-  };
   struct Beams {
     double cells = 0, beyond = 0, samples = 0;
   };
@@ -25,11 +31,11 @@ std::optional<RangeLimit> range_limit(const Reduced& reduced) {
     if (cell.n == 0) continue;
     cells += 1;
     samples += cell.n;
-    if (!is_one_number(cell)) continue;
+    if (cell.n < fewest_samples || cell.variance_mm2 != 0) continue;
     Beams& beams = at[std::lround(cell.mean_mm)];
     beams.cells += 1;
     beams.samples += cell.n;
-    beams.beyond += cell.nominal_mm > cell.mean_mm - widths * sigma_mm ? 1 : 0;
+    beams.beyond += may_reach({.mm = cell.mean_mm}, cell, sigma_mm) ? 1 : 0;
   }
   if (at.empty()) return {};
   const auto& [mm, beams] =
@@ -44,13 +50,10 @@ std::optional<RangeLimit> range_limit(const Reduced& reduced) {
 }
 
 std::vector<Passer> beyond(const Reduced& reduced, const RangeLimit& limit) {
-  constexpr double widths = 4;
   std::vector<Passer> list;
   for (const Group& group : reduced.groups) {
     if (is_turning(reduced.capture_of(group))) continue;
-    const auto is_beyond = [&](const Cell& cell) {
-      return cell.nominal_mm > limit.mm - widths * group.sigma_mm;
-    };
+    const auto is_beyond = [&](const Cell& cell) { return may_reach(limit, cell, group.sigma_mm); };
     const auto cells = reduced.cells_of(group);
     for (auto first = cells.begin(); first != cells.end();) {
       first = std::find_if(first, cells.end(), is_beyond);
