@@ -6,6 +6,8 @@
 #include <functional>
 #include <iterator>
 #include <numeric>
+#include <set>
+#include <string>
 
 #include "fit/explain/inference/screen.hpp"
 #include "fit/explain/inference/steps.hpp"
@@ -80,15 +82,16 @@ Hypothesis best_without(const Fitted& best, const Kind* kind) {
 /// mechanisms.
 std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& fits, const Term& term,
                              double probability, const std::vector<const Mechanism*>& mechanisms) {
-  const auto may_be_one = [&](const Mechanism& m) {
-    return std::ranges::any_of(mechanisms, [&](const Mechanism* one) { return may_be(session, m, *one); });
-  };
+  std::set<std::string> may_be_one;
+  for (const Mechanism& m : catalogue())
+    if (std::ranges::any_of(mechanisms, [&](const Mechanism* one) { return may_be(session, m, *one); }))
+      may_be_one.insert(m.id);
   std::vector<Named> rivals;
-  if (std::ranges::none_of(catalogue(), may_be_one)) return rivals;
+  if (may_be_one.empty()) return rivals;
   const Fitted& without = fits(best_without(best, term.kind));
   for (const Candidate& candidate : screen(session, without, term.kind, true)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
-        !may_be_one(*candidate.term.kind->mechanism))
+        !may_be_one.contains(candidate.term.kind->mechanism->id))
       continue;
     Hypothesis other = best_without(best, term.kind);
     other.terms.push_back(candidate.term);
