@@ -37,8 +37,8 @@ TimesOfCaptures times_of(const Reduced& reduced) {
 /// beam and angles that are drawn for every scan, or change from scan to scan, look alike there, and add.
 class Edges final : public model::WidthRows {
  public:
-  Edges(std::vector<Transition> list, TimesOfCaptures times)
-      : WidthRows(model::widths_of(list)), list_(std::move(list)), times_(std::move(times)) {}
+  Edges(const Reduced& reduced, std::vector<Transition> list, TimesOfCaptures times)
+      : WidthRows(model::widths_of(reduced, list)), list_(std::move(list)), times_(std::move(times)) {}
   /// An angle that changes from scan to scan widens an edge.
   [[nodiscard]] bool sees(Coordinate) const override { return true; }
   [[nodiscard]] std::span<const double> times_s(Index row) const override {
@@ -73,7 +73,7 @@ model::ChannelKind make_edge() {
   kind.rows = [](const Reduced& reduced, const MeanNoise&) -> std::unique_ptr<model::ChannelRows> {
     std::vector<Transition> list = model::transitions(reduced);
     if (list.empty()) return nullptr;
-    return std::make_unique<Edges>(std::move(list), times_of(reduced));
+    return std::make_unique<Edges>(reduced, std::move(list), times_of(reduced));
   };
   return kind;
 }

@@ -2,9 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
-#include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -126,11 +123,10 @@ bool is_round(const Bench& bench, int target) {
 /// From the first capture on that shows a dip: receivers whose intensity is no measure of it show none.
 std::vector<EdgeInCaptures> edges_of(const Reduced& reduced) {
   constexpr std::size_t most_rows = 60;  // computing time
-  std::map<std::tuple<int, std::optional<std::string>, double>, EdgeInCaptures> by_edge;
+  std::map<model::PlacedEdge, EdgeInCaptures> by_edge;
   for (Transition& seen : model::transitions(reduced)) {
     if (seen.at.gap_mm < apart_mm || is_round(reduced.bench, target_beside(seen, 1))) continue;
-    const CaptureInfo& capture = reduced.captures[static_cast<std::size_t>(seen.capture)];
-    by_edge[{seen.edge, capture.target, capture.target_shift_mm}].captures.push_back(std::move(seen));
+    by_edge[model::placed(reduced, seen)].captures.push_back(std::move(seen));
   }
   std::size_t all = 0;
   std::vector<EdgeInCaptures> edges;
@@ -157,14 +153,10 @@ std::vector<EdgeInCaptures> edges_of(const Reduced& reduced) {
 
 void add_rows(const EdgeInCaptures& edge, std::vector<model::WidthRow>& rows) {
   const model::EdgeLight light(edge.beams);
-  std::map<double, std::vector<double>> by_width;
-  for (std::size_t k = 0; k < edge.beams.size(); ++k)
-    rows.push_back(
-        {edge.captures[k].at, edge.captures[k].capture, model::WidthLikelihood([&](double width_deg) {
-           const auto [course, is_new] = by_width.try_emplace(width_deg);
-           if (is_new) course->second = light.log_likelihoods(width_deg);
-           return course->second[k];
-         })});
+  auto widths =
+      model::in_turn(edge.beams.size(), [&](double width_deg) { return light.log_likelihoods(width_deg); });
+  for (std::size_t k = 0; k < widths.size(); ++k)
+    rows.push_back({edge.captures[k].at, edge.captures[k].capture, std::move(widths[k])});
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ Unexplained on_limit(const Reduced& reduced) {
 
 /// How wide beams are at edges; 0: nothing shows it.
 double width_at_edges_rad(const Reduced& reduced) {
-  const auto widths = model::widths_of(model::transitions(reduced));
+  const auto widths = model::widths_of(reduced, model::transitions(reduced));
   return widths.empty() ? 0 : std::sqrt(model::widest_deg2(widths)) * rad_per_deg;
 }
 

@@ -210,15 +210,17 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
     if (nearer.log_posterior > now.log_posterior) now = std::move(nearer);
   }
   now = climbed(session, design, std::move(now));
-  constexpr double times[] = {0.25, 0.5, 2, 4, 8, 16}, worth_it = 1;
+  constexpr double times[] = {0.25, 0.5, 2, 4}, of_usual[] = {0.01, 0.1, 1}, worth_it = 1;
   for (const Index k : uneven_sizes(session, design)) {
     std::optional<Optimum> higher;
-    for (const double t : times) {
+    const auto look_at = [&](double size) {
       Eigen::VectorXd x = now.x;
-      x[k] *= t;
+      x[k] = size;
       Optimum there = judged_at(session, design, x, &now);
       if (there.log_posterior > (higher ? *higher : now).log_posterior + worth_it) higher = std::move(there);
-    }
+    };
+    for (const double t : times) look_at(t * now.x[k]);
+    for (const double size : of_usual) look_at(size);
     if (higher) now = climbed(session, design, std::move(*higher));
   }
   return now;

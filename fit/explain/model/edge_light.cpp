@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "fit/explain/model/edge_place.hpp"
 #include "fit/mechanism.hpp"
 
 namespace fit::explain::model {
@@ -15,7 +16,6 @@ namespace {
 constexpr double odd_edge = 0.1, odd_beam = 0.02, odd_size = 0.7;
 /// Counts are a power of the echo; receivers compress.
 constexpr std::array powers{1.0, 0.7, 0.4};
-constexpr double never = -1e4;  ///< In place of the logarithm of nothing.
 
 double normal(double off, double sigma) {
   return std::exp(-0.5 * std::pow(off / sigma, 2)) / (std::sqrt(2 * pi) * sigma);
@@ -58,93 +58,44 @@ struct Profile {
 template <class LogLight>
 Profile(LogLight, double, double, double) -> Profile<LogLight>;
 
-/// Places between the last beam before the edge and the first one behind it, and beyond by a reach.
-struct PlaceGrid {
-  double from = 0, step = 0;
-  std::size_t count = 0;
-
-  PlaceGrid(const Dimming& dimming, double beyond_deg, double step_deg) : step(step_deg) {
-    double before = -light_reach_deg, behind = light_reach_deg;
-    for (const Dimmed& b : dimming) {
-      if (b.side < 0) before = std::max(before, b.inside_deg);
-      if (b.side > 0) behind = std::min(behind, b.inside_deg);
-    }
-    from = before - beyond_deg;
-    count = static_cast<std::size_t>(std::max(0.0, behind + beyond_deg - from) / step) + 1;
+/// Between the last beam before the edge and the first one behind it, and beyond by a reach.
+template <class LogLight>
+PlaceGrid places_of(const Dimming& dimming, const Profile<LogLight>& profile) {
+  double before = -light_reach_deg, behind = light_reach_deg;
+  for (const Dimmed& b : dimming) {
+    if (b.side < 0) before = std::max(before, b.inside_deg);
+    if (b.side > 0) behind = std::min(behind, b.inside_deg);
   }
-  [[nodiscard]] double at(std::size_t i) const { return from + static_cast<double>(i) * step; }
-};
+  return {before - profile.beyond_deg, behind + profile.beyond_deg, profile.step_deg};
+}
 
-/// Normal weights of neighbouring places, the sum of which is 1.
-class Kernel {
- public:
-  Kernel(double sigma_deg, double step_deg) : reach_(static_cast<int>(widths * sigma_deg / step_deg)) {
-    for (int k = -reach_; k <= reach_; ++k)
-      weights_.push_back(std::exp(-0.5 * std::pow(k * step_deg / sigma_deg, 2)));
-    const double all = std::accumulate(weights_.begin(), weights_.end(), 0.0);
-    for (double& weight : weights_) weight /= all;
-  }
-  /// The weighted sum around every place.
-  [[nodiscard]] Logs smoothed(const Logs& values) const {
-    const int count = static_cast<int>(values.size());
-    Logs sums(values.size());
-    for (int i = 0; i < count; ++i)
-      for (int k = std::max(-reach_, -i); k <= std::min(reach_, count - 1 - i); ++k)
-        sums[static_cast<std::size_t>(i)] +=
-            weights_[static_cast<std::size_t>(k + reach_)] * values[static_cast<std::size_t>(i + k)];
-    return sums;
-  }
-
- private:
-  static constexpr double widths = 3;
-  int reach_;
-  Logs weights_;
-};
-
-/// An edge stands in all captures at one place against the bench file's, which is integrated over; stage and
-/// fit may have each of them elsewhere by a normal error of unknown size, and now and then by anything; or
-/// its light is another's doing. The first capture is given that it shows a dip.
+/// Of an edge's light along its captures, its place integrated over; or its light is another's doing. The
+/// first capture is given that it shows a dip.
 template <class LogLight>
 Logs logs_of(const std::vector<Dimming>& dimmings, const Profile<LogLight>& profile) {
-  const std::array scatter{Kernel(0.003, profile.step_deg), Kernel(0.015, profile.step_deg),
-                           Kernel(0.06, profile.step_deg)};
-  constexpr double elsewhere = 0.05;
-  const PlaceGrid places(dimmings.front(), profile.beyond_deg, profile.step_deg);
-  std::array<Logs, scatter.size()> weights;
-  weights.fill(Logs(places.count, 1.0));
-  Logs logs;
-  double before = 0, shown = 0;
+  const PlaceGrid places = places_of(dimmings.front(), profile);
+  Logs here(places.count);
+  double shown = 0, first = 0;
   for (std::size_t i = 0; i < places.count; ++i) {
     const auto at = profile.at(dimmings.front(), places.at(i));
-    for (Logs& weight : weights) weight[i] = at.shows ? at.likelihood : 0;
+    here[i] = at.shows ? at.likelihood : 0;
     shown += at.shows ? 1 : 0;
-    before += at.shows ? at.likelihood : 0;
+    first += here[i];
   }
-  if (!(before > 0)) return Logs(dimmings.size(), never);
-  logs.push_back(std::log(before / shown));
-  before *= static_cast<double>(weights.size());
-  for (std::size_t k = 1; k < dimmings.size(); ++k) {
-    Logs here(places.count);
+  if (!(first > 0)) return Logs(dimmings.size(), log_never);
+  Logs logs{std::log(first / shown)};
+  EdgePlace edge(here, profile.step_deg);
+  for (std::size_t k = 1; k < dimmings.size() && logs.back() > log_never; ++k) {
     for (std::size_t i = 0; i < places.count; ++i) here[i] = profile.at(dimmings[k], places.at(i)).likelihood;
-    const PlaceGrid own(dimmings[k], profile.beyond_deg, profile.step_deg);
+    const PlaceGrid own = places_of(dimmings[k], profile);
     double anywhere = 0;
     for (std::size_t i = 0; i < own.count; ++i) anywhere += profile.at(dimmings[k], own.at(i)).likelihood;
     anywhere *= profile.step_deg / (2 * light_reach_deg);
     double otherwise = 1;  // as something else dims the beams of this capture
     for (const Dimmed& b : dimmings[k]) otherwise *= odd_likelihood(b);
-    double now = 0;
-    for (std::size_t s = 0; s < weights.size(); ++s) {
-      const Logs near = scatter[s].smoothed(here);
-      for (std::size_t i = 0; i < places.count; ++i)
-        now += weights[s][i] *= (1 - elsewhere) * near[i] + elsewhere * (anywhere + otherwise) / 2;
-    }
-    if (!(now > 0)) break;
-    logs.push_back(std::log(now / before));
-    for (Logs& weight : weights)
-      for (double& w : weight) w /= now;
-    before = 1;
+    logs.push_back(edge.next(here, (anywhere + otherwise) / 2));
   }
-  logs.resize(dimmings.size(), never);
+  logs.resize(dimmings.size(), log_never);
   return logs;
 }
 

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <utility>
 
+#include "fit/explain/model/edge_place.hpp"
 #include "fit/explain/model/stage_stops.hpp"
 #include "fit/explain/reduction/margins.hpp"
 
@@ -47,6 +49,36 @@ double integrated_over_place(const std::vector<Beside>& beams, double width_deg)
   for (std::size_t i = 0; i + 1 < at.size(); ++i)
     sum += (at[i + 1] - at[i]) * (std::exp(logs[i] - most) + std::exp(logs[i + 1] - most)) / 2;
   return most + std::log(sum / (2 * edge_reach_deg));
+}
+
+/// Where hard edges or such of beams that wide may be by what one capture shows, and what a fit leaves open.
+PlaceGrid places_beside(const std::vector<Beside>& beams, double width_deg) {
+  constexpr double finest_deg = 0.002, steps = 3, widths = 2.7, drift_deg = 0.2;
+  const double crossing = crossing_deg(beams), beyond = widths * width_deg + drift_deg;
+  double before = crossing - edge_reach_deg, behind = crossing + edge_reach_deg;
+  for (const Beside& b : beams) {
+    if (b.inside_deg <= crossing) before = std::max(before, b.inside_deg);
+    if (b.inside_deg >= crossing) behind = std::min(behind, b.inside_deg);
+  }
+  return {before - beyond, behind + beyond, std::max(finest_deg, width_deg / steps)};
+}
+
+/// Of an edge's captures, each given those before.
+std::vector<double> log_likelihoods_in_turn(const std::vector<const Transition*>& captures,
+                                            double width_deg) {
+  const PlaceGrid places = places_beside(captures.front()->beams, width_deg);
+  std::vector<double> here(places.count), logs;
+  std::optional<EdgePlace> edge;
+  for (const Transition* capture : captures) {
+    const double anywhere = integrated_over_place(capture->beams, width_deg);
+    for (std::size_t i = 0; i < places.count; ++i)
+      here[i] = likelihood_of_edge(capture->beams, places.at(i), width_deg);
+    const double most = std::max(anywhere, std::ranges::max(here));
+    for (double& log : here) log = std::exp(log - most);
+    logs.push_back(edge ? most + edge->next(here, std::exp(anywhere - most)) : anywhere);
+    if (!edge) edge.emplace(here, places.step_deg);
+  }
+  return logs;
 }
 
 /// Share of the farther surface; none or all where noise and the places of both surfaces leave that open.
@@ -193,9 +225,22 @@ std::vector<Transition> transitions(const Reduced& reduced) {
   return all;
 }
 
-std::vector<WidthRow> widths_of(const std::vector<Transition>& all) {
+PlacedEdge placed(const Reduced& reduced, const Transition& transition) {
+  const CaptureInfo& capture = reduced.captures[static_cast<std::size_t>(transition.capture)];
+  return {transition.edge, capture.target, capture.target_shift_mm};
+}
+
+std::vector<WidthRow> widths_of(const Reduced& reduced, const std::vector<Transition>& all) {
+  std::map<PlacedEdge, std::vector<const Transition*>> by_edge;
+  for (const Transition& seen : all) by_edge[placed(reduced, seen)].push_back(&seen);
+  std::map<const Transition*, WidthLikelihood> widths;
+  for (const auto& [key, captures] : by_edge) {
+    std::vector<WidthLikelihood> each = in_turn(
+        captures.size(), [&](double width_deg) { return log_likelihoods_in_turn(captures, width_deg); });
+    for (std::size_t k = 0; k < captures.size(); ++k) widths.emplace(captures[k], std::move(each[k]));
+  }
   std::vector<WidthRow> rows;
-  for (const Transition& edge : all) rows.push_back({edge.at, edge.capture, edge.width()});
+  for (const Transition& seen : all) rows.push_back({seen.at, seen.capture, std::move(widths.at(&seen))});
   return rows;
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <optional>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include "fit/explain/model/results.hpp"
@@ -39,8 +42,13 @@ struct Transition {
 /// All edges of a session with beams on both sides.
 [[nodiscard]] std::vector<Transition> transitions(const Reduced& reduced);
 
-/// What they say of the width over which the farther surface takes over.
-[[nodiscard]] std::vector<WidthRow> widths_of(const std::vector<Transition>& all);
+/// An edge while its target is not placed anew: its id, the target that may be, and where along the rail.
+using PlacedEdge = std::tuple<int, std::optional<std::string>, double>;
+[[nodiscard]] PlacedEdge placed(const Reduced& reduced, const Transition& transition);
+
+/// What they say of the width over which the farther surface takes over: every one given those before of the
+/// same edge, which stands at one place (edge_place.hpp).
+[[nodiscard]] std::vector<WidthRow> widths_of(const Reduced& reduced, const std::vector<Transition>& all);
 
 /// Shares of the farther surface along the angle from every edge: as recorded, and as beams of those widths
 /// have them.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 namespace fit::explain::model {
@@ -12,9 +13,9 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr std::size_t knots = 37;
+constexpr std::size_t knots = 42;
 const double first_log = std::log(WidthLikelihood::hard_deg2);
-constexpr double apart = 0.3;  // of the variance's logarithm: the widest beam is 0.9 deg
+constexpr double apart = 0.3;  // of the variance's logarithm: the widest beam is 1 deg
 
 double variance_of(std::size_t knot) { return std::exp(first_log + apart * static_cast<double>(knot)); }
 
@@ -82,6 +83,19 @@ double WidthLikelihood::best_deg2() const {
   const double most = std::ranges::max(likelihood_);
   const auto first = std::ranges::find_if(likelihood_, [&](double l) { return l > most - 0.1; });
   return variance_of(static_cast<std::size_t>(first - likelihood_.begin()));
+}
+
+std::vector<WidthLikelihood> in_turn(
+    std::size_t captures, const std::function<std::vector<double>(double width_deg)>& log_likelihoods) {
+  std::map<double, std::vector<double>> by_width;
+  std::vector<WidthLikelihood> all;
+  for (std::size_t k = 0; k < captures; ++k)
+    all.emplace_back([&](double width_deg) {
+      const auto [course, is_new] = by_width.try_emplace(width_deg);
+      if (is_new) course->second = log_likelihoods(width_deg);
+      return course->second[k];
+    });
+  return all;
 }
 
 double pooled_deg2(const std::vector<WidthRow>& rows) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <vector>
 
@@ -12,7 +13,7 @@ namespace fit::explain::model {
 class WidthLikelihood {
  public:
   /// No width at all, deg^2: what is beside an edge changes from one beam to the next.
-  static constexpr double hard_deg2 = 0.004 * 0.004;
+  static constexpr double hard_deg2 = 0.002 * 0.002;
 
   explicit WidthLikelihood(const std::function<double(double width_deg)>& log_likelihood);
 
@@ -27,6 +28,10 @@ class WidthLikelihood {
  private:
   std::vector<double> likelihood_, slope_;
 };
+
+/// The same of captures in turn, each given those before: takes the log-likelihoods of all at a width.
+[[nodiscard]] std::vector<WidthLikelihood> in_turn(
+    std::size_t captures, const std::function<std::vector<double>(double width_deg)>& log_likelihoods);
 
 /// What one edge says of a width while stage and targets stand.
 struct WidthRow {

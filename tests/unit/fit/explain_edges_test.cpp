@@ -490,6 +490,37 @@ TEST_CASE("a few samples between two surfaces do not hide how wide a beam is", "
   CHECK(e.mechanisms.front().parameters.at("width_deg").value == Approx(0.08).epsilon(0.25));
 }
 
+TEST_CASE("samples of both surfaces at a few of a sweep's stops are no chance of where hard edges are") {
+  const PlainScene scene = nine_beams();
+  const bool is_soft = GENERATE(true, false);
+  std::mt19937 random(7);
+  const auto soft = [&](double beam_rad, double stage_rad, double) {
+    const Deviation aside{.beam_rad = 0.012 * degree * std::normal_distribution<double>()(random)};
+    const auto middle = look(scene, {}, stage_rad, beam_rad),
+               there = look(scene, {}, stage_rad, beam_rad, aside);
+    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
+    return at_edge && is_soft ? aside : Deviation{};
+  };
+  SyntheticRecording recording = plain_bench::recorded(scene, 18, soft);
+  for (int i = 0; i < 90; ++i) {
+    fit::CaptureInfo capture;
+    capture.stage_rad = (11.6 + 0.01 * i) * degree;  // past the edge of the nearer board
+    capture.approach = 1;
+    capture.last_step = scene.steps - 1;
+    capture.since_power_on_s = 1800 + 3.0 * i;
+    recording.add(capture, 40);
+  }
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  const auto is_told = [&](const std::string& id) {
+    return found(e, id) || std::ranges::any_of(e.undecided_between, [&](const auto& set) {
+             return std::ranges::find(set, id) != set.end();
+           });
+  };
+  CHECK(is_told("mixed-pixel") == is_soft);
+  if (!is_soft) CHECK(e.verdict == fit::explain::nothing_missing);
+}
+
 TEST_CASE("the score of an edge's width is the slope of its likelihood, and hard edges have none") {
   SyntheticRecording recording =
       plain_bench::recorded(boards(), 9, [](double, double, double) { return Deviation{}; });
