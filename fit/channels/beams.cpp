@@ -55,7 +55,7 @@ std::map<int, Beam> beams_of(const Reduced& reduced) {
       const Cell &a = reduced.cells[i - 1], &b = reduced.cells[i], &c = reduced.cells[i + 1];
       bool counts = true;
       for (const Cell* cell : {&a, &b, &c})
-        counts = counts && cell->smooth && cell->doubt_mm == 0 && cell->n >= fewest_samples &&
+        counts = counts && cell->usable && cell->u_edge_mm == 0 && cell->n >= fewest_samples &&
                  cell->pooled_mm2 > 0 && cell->at.target == b.at.target;
       if (!counts || std::abs(a.beam_rad + c.beam_rad - 2 * b.beam_rad) > 1e-6) continue;
       const auto off = [](const Cell& cell) { return cell.mean_mm - cell.nominal_mm; };

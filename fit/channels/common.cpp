@@ -36,7 +36,8 @@ class CommonOfScans final : public model::GammaRows {
   }
   [[nodiscard]] bool sees(Coordinate) const override { return true; }
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    return of(row).expected * effect.shared_by_neighbours + of(row).lever2 * effect.scan_angle_variance_rad2 +
+    return of(row).expected * effect.shared_by_neighbours +
+           of(row).sensitivity2 * effect.scan_angle_variance_rad2 +
            (part_of(row) == Part::range ? effect.scan_range_variance_mm2 : 0);
   }
 
@@ -60,7 +61,7 @@ class CommonOfScans final : public model::GammaRows {
   }
 
   /// A wave that was taken off leaves something in all of them: it is as large as noise, and depends on no
-  /// lever.
+  /// sensitivity.
   void add_rest_of_wave(Columns& base) const {
     for (const Part part : {Part::range, Part::angle, Part::sectors}) {
       double sum = 0, count = 0;
@@ -102,7 +103,7 @@ void add_whole_scans(const Reduced& reduced, int fewest_scans, Rows& list) {
     row.capture = p.capture;
     row.y += p.rest_mm * p.rest_mm;
     row.n += p.news;
-    row.lever2 += p.lever_mm * p.lever_mm;
+    row.sensitivity2 += p.sensitivity_mm * p.sensitivity_mm;
     row.expected += p.variance_mm2;
     sums.number += 1;
   }
@@ -110,7 +111,7 @@ void add_whole_scans(const Reduced& reduced, int fewest_scans, Rows& list) {
     IndependentRows::Row& row = sums.row;
     if (row.n < 1) continue;
     row.y /= row.n;
-    row.lever2 /= sums.number;
+    row.sensitivity2 /= sums.number;
     row.expected /= sums.number;
     list.add(row, key.second ? Part::angle : Part::range);
   }

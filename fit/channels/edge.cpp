@@ -17,7 +17,7 @@ using model::Transition;
 /// Of every capture, when scans came after the stage's move, s.
 using TimesOfCaptures = std::map<int, std::vector<double>>;
 
-/// A few of every capture: enough to see an angle sway.
+/// A few of every capture: enough to see an angle change.
 TimesOfCaptures times_of(const Reduced& reduced) {
   constexpr std::size_t enough = 12;
   std::map<int, std::map<int, double>> scans;  // by capture and number

@@ -18,7 +18,7 @@ using model::Transition;
 
 /// Nearer, and the light of both is one echo.
 constexpr double apart_mm = 500;
-constexpr double surface_doubt = 0.03;  ///< By which a surface's echo changes within so few degrees.
+constexpr double u_surface = 0.03;  ///< By which a surface's echo changes within so few degrees.
 /// A line, of too few points or of one place without a slope.
 double level_at(const StraightLine& line, double x) {
   constexpr double enough_for_a_slope = 4, one_place_deg2 = 1e-6;
@@ -72,7 +72,7 @@ void add_usual(const Transition& edge, int side, Usual& usual) {
 /// Beams close to the edge, against what their surface usually shows: in this capture, or else in all of
 /// them.
 void set_beams(EdgeInCaptures& edge) {
-  constexpr double lambert_doubt = 0.3;  // of what incidence and range make
+  constexpr double u_lambert = 0.3;  // of what incidence and range make
   constexpr double fewest = 2;
   edge.beams.resize(edge.captures.size());
   std::map<int, Usual> in_all;
@@ -91,8 +91,8 @@ void set_beams(EdgeInCaptures& edge) {
         const double geometry = b.log_echo - level_at(usual.by_law, inside),
                      log_share = std::log(b.counts) - level_at(usual.counts, inside);
         edge.beams[k].push_back({b.inside_deg, side, log_share,
-                                 std::hypot(surface_doubt, b.u_counts / b.counts, lambert_doubt * geometry),
-                                 geometry, other});
+                                 std::hypot(u_surface, b.u_counts / b.counts, u_lambert * geometry), geometry,
+                                 other});
       });
     }
   }

@@ -23,14 +23,14 @@ using L = IntensityLaw;
 using model::Reading;
 
 /// Nominal reflectances, and surfaces that are of one grey, are so good.
-constexpr double reflectance_doubt = 0.08;
+constexpr double u_reflectance_relative = 0.08;
 /// By how much a surface's echo differs from one capture to the next, whatever its law: speckle, and where
 /// the beams meet it.
-constexpr double capture_doubt = 0.002;
+constexpr double u_capture = 0.002;
 /// Whole counts are rounded by some lidars and cut off by others: up to half a count, all alike.
 constexpr double cut_off_counts = 0.29;
 /// What no law of intensity gets right to better: receivers bend, surfaces are not quite Lambertian.
-constexpr double response_doubt = 0.02, incidence_doubt = 0.03;
+constexpr double u_response = 0.02, u_incidence = 0.03;
 /// Where the bench file leaves parts of the law open, its form is open as well.
 constexpr double open_response = 0.3;
 constexpr std::array<double, L::size> open{3, 1, 1, 1, 0, 0};  ///< Coefficients that are not stated.
@@ -65,7 +65,7 @@ class Echoes final : public model::NormalRows {
     for (Index first = 0, last = 0; first < rows(); first = last) {
       while (last < rows() && by_capture_and_surface(reading(last)) == by_capture_and_surface(reading(first)))
         ++last;
-      VectorXd z = capture_doubt * weight_.segment(first, last - first);
+      VectorXd z = u_capture * weight_.segment(first, last - first);
       log_scale -= 0.5 * std::log1p(z.squaredNorm());
       shared_.emplace_back(first, std::move(z));
     }
@@ -86,11 +86,11 @@ class Echoes final : public model::NormalRows {
   }
   [[nodiscard]] VectorXd log_likelihoods(const VectorXd& eta) const override {
     return VectorXd::NullaryExpr(rows(), [&](Index i) {
-      const double u = std::hypot(reading(i).sigma, capture_doubt);
+      const double u = std::hypot(reading(i).sigma, u_capture);
       return -std::log(std::sqrt(2 * pi) * u) - 0.5 * std::pow((statistic(i) - eta[i]) / u, 2);
     });
   }
-  /// A root of the inverse of diag(sigma^2) + capture_doubt^2 within every block.
+  /// A root of the inverse of diag(sigma^2) + u_capture^2 within every block.
   [[nodiscard]] MatrixXd whitened(MatrixXd columns, const VectorXd&) const override {
     columns.array().colwise() *= weight_.array();
     for (const model::SharedErrors& errors : shared_) errors.whiten(columns);
@@ -136,7 +136,7 @@ class Echoes final : public model::NormalRows {
   /// Every surface its own grey.
   void add_surfaces() {
     for (int s = 0; s < surfaces(); ++s)
-      add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, reflectance_doubt);
+      add([&](const Reading& r) { return r.surface == s ? 1.0 : 0.0; }, u_reflectance_relative);
   }
   /// A grey that alone strains its prior by more than a form costs is stated wrong: it says nothing then. But
   /// not where a law that is stated wrong explains all greys as well.
@@ -147,7 +147,7 @@ class Echoes final : public model::NormalRows {
                                    white.transpose() * white_residual(VectorXd::Zero(rows()))};
     Prior prior = base().prior;
     const Index count = surfaces();
-    const double price = -std::log(numbers::forms_expected / static_cast<double>(count));
+    const double penalty = -std::log(numbers::forms_expected / static_cast<double>(count));
     const auto with = [](Prior wider, Index first, Index many, double sigma) {
       wider.sigma.segment(first, many) = wider.sigma.segment(first, many).cwiseMax(sigma);
       return wider;
@@ -159,7 +159,7 @@ class Echoes final : public model::NormalRows {
       Index next = -1;
       for (Index s = 0; s < count; ++s) {
         if (std::ranges::count(wrong, s)) continue;
-        const double evidence = integrate(all, with(prior, L::size + s, 1, any_grey)).log_evidence - price;
+        const double evidence = integrate(all, with(prior, L::size + s, 1, any_grey)).log_evidence - penalty;
         if (evidence <= most) continue;
         most = evidence;
         next = s;
@@ -187,13 +187,13 @@ class Echoes final : public model::NormalRows {
         claim.stated[L::gain] && claim.stated[L::range_power] && claim.stated[L::reflectance_power];
     const VectorXd brightness = column([](const Reading& r) { return std::log(r.at.intensity); });
     smooth(brightness, 0.05, 0.7 * std::max(0.1, brightness.maxCoeff() - brightness.minCoeff()),
-           whole ? response_doubt : open_response);
+           whole ? u_response : open_response);
     // Nothing is claimed of the way in which echoes fall with range either.
     const VectorXd distance = column([](const Reading& r) { return std::log(r.at.range_mm); });
     if (!whole)
       smooth(distance, 0.05, 0.5 * std::max(0.1, distance.maxCoeff() - distance.minCoeff()), open_response);
     smooth(column([](const Reading& r) { return std::abs(r.at.incidence_rad) * deg_per_rad; }), 5, 20,
-           incidence_doubt);
+           u_incidence);
   }
 
   std::vector<Reading> readings_;

@@ -18,10 +18,10 @@ constexpr double aside_rad = 6 * rad_per_deg;
 
 /// Where walls meet they leave a slit if they stand off or turned.
 bool is_at_corner(const Reduced& reduced, const Cell& cell, double blur_rad) {
-  const double sway_mm = reduction::sway_mm(reduced.bench.lidar.mount, cell.sight.range_mm,
-                                            reduction::doubt_of_mount),
+  const double place_uncertainty_mm = reduction::place_uncertainty_mm(
+                   reduced.bench.lidar.mount, cell.sight.range_mm, reduction::coverage_of_mount),
                half_rad = reduction::half_width_rad(cell) + blur_rad;
-  return cell.at.corner_mm < reduction::corner_margin_mm(cell.sight, sway_mm, half_rad);
+  return cell.at.corner_mm < reduction::corner_margin_mm(cell.sight, place_uncertainty_mm, half_rad);
 }
 
 /// Without any echo where one target ends and another begins: one that stands turned leaves a slit there.

@@ -171,7 +171,7 @@ model::ChannelKind make_mean() {
   kind.observable = Observable::range_mean;
   kind.of_predicted = true;
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
-    if (reduced.smooth_cells() == 0) return nullptr;
+    if (reduced.usable_cells() == 0) return nullptr;
     return std::make_unique<Means>(reduced, noise);
   };
   return kind;

@@ -40,7 +40,7 @@ class Scans final : public model::NormalRows {
 
   [[nodiscard]] bool sees(Coordinate coordinate) const override { return coordinate == Coordinate::scan_seq; }
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
-    return (part(row).of_angle ? 0 : effect.range_mm) + part(row).lever_mm * effect.stage_rad;
+    return (part(row).of_angle ? 0 : effect.range_mm) + part(row).sensitivity_mm * effect.stage_rad;
   }
   /// Less the mean of their block, which the cells' means have taken.
   [[nodiscard]] Eigen::MatrixXd whitened(Eigen::MatrixXd columns, const Eigen::VectorXd&) const override {
@@ -66,7 +66,7 @@ class Scans final : public model::NormalRows {
         numbers::form_deg * rad_per_deg / numbers::form_mm;  // the prior is that of a mm
     for (Index i = 0; i < rows(); ++i) {
       const double turn = 2 * pi * hz * part(i).at.since_move_s, of_range = part(i).of_angle ? 0 : 1,
-                   of_angle = of_lamp ? 1 - of_range : part(i).lever_mm * angle_rad;
+                   of_angle = of_lamp ? 1 - of_range : part(i).sensitivity_mm * angle_rad;
       const Eigen::RowVector2d wave(std::cos(turn), std::sin(turn));
       waves.row(i).segment<4>(4 * of_group.at(part(i).group)) << of_range * wave, of_angle * wave;
     }

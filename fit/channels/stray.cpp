@@ -64,7 +64,7 @@ std::vector<model::IndependentRows::Row> rows_of(const Reduced& reduced, Side si
   constexpr double reach_of_edge_rad = 1.2 * rad_per_deg;  // a wide beam meets what stands behind an edge
   return model::counted_rows(reduced, beams, [&](std::size_t i, auto& row) {
     const Cell& cell = reduced.cells[i];
-    if (!cell.smooth || reduced.group_of(cell).scans < fewest_scans) return false;
+    if (!cell.usable || reduced.group_of(cell).scans < fewest_scans) return false;
     if (cell.at.gap_mm != 0 && std::abs(cell.at.edge_rad) < reach_of_edge_rad) return false;
     row.y += side == Side::far    ? cell.far - cell.late - cell.early
              : side == Side::late ? cell.late

@@ -56,10 +56,10 @@ ShapeOfNoise shape_of_noise(const Reduced& reduced, const MeanNoise& noise) {
   if (reduced.output_steps.step_mm > 1 || reduced.wave_hz || reduced.vibration_hz) return {};
   MeanOfCaptures skewness, kurtosis;
   for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || cell.n < fewest_samples || cell.variance_mm2 < least_mm2 || !(cell.pooled_mm2 > 0))
+    if (!cell.usable || cell.n < fewest_samples || cell.variance_mm2 < least_mm2 || !(cell.pooled_mm2 > 0))
       continue;
     const double of_scans = cell.of_scans_mm2 + noise.scan_range_mm2 +
-                            std::pow(cell.sight.stage_lever(), 2) * noise.scan_angle_rad2;
+                            std::pow(cell.sight.stage_sensitivity(), 2) * noise.scan_angle_rad2;
     if (of_scans > most_of_scans * cell.variance_mm2) continue;
     const int capture = reduced.group_of(cell).capture;
     // Of few skewed samples the own variance goes with the third moment: by the neighbours' it is unbiased.
@@ -101,7 +101,7 @@ class Variances final : public model::GammaRows {
 
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
     return effect.variance_mm2 +
-           of(row).lever2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
+           of(row).sensitivity2 * (effect.scan_angle_variance_rad2 + effect.beam_angle_variance_rad2);
   }
   [[nodiscard]] model::Draws draws(Eigen::Index row) const override { return of(row).draws; }
   [[nodiscard]] std::string note(const Eigen::VectorXd&, const Eigen::VectorXd&) const override {
@@ -147,7 +147,7 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
   const OutputSteps& steps = reduced.output_steps;
   auto rows = model::pooled_rows(reduced, beams, [&](std::size_t i, IndependentRows::Row& row) {
     const Cell& cell = reduced.cells[i];
-    if (!cell.smooth || cell.n < 3) return false;
+    if (!cell.usable || cell.n < 3) return false;
     const double f = own.left_of((cell.n - 1) * worth);
     row.y = (row.y * row.n + f * cell.variance_mm2 / share_of(cell.n)) / (row.n + f);
     const double expected =

@@ -20,7 +20,7 @@ constexpr int uneven_cosines = 4;    ///< ... in shorter waves.
 constexpr double rough_mm = 0.15,    ///< By which places a metre apart of a good board differ ...
     rough_within = 3;                ///< ... and a factor by which boards do.
 constexpr double usual_shape = 0.3;  ///< Skewness of usual noise, and by which its kurtosis lies below 3.
-constexpr double doubt_of_bin_edge = 0.05;  ///< Share of a bin within which its end may be elsewhere.
+constexpr double u_of_bin_edge = 0.05;  ///< Share of a bin within which its end may be elsewhere.
 constexpr double named_at = 0.9, set_holds = 0.95;
 constexpr double window = 12;            ///< Log odds to the best within which a hypothesis counts.
 constexpr double worth_fitting = -3;     ///< Log odds by the score test.

@@ -61,7 +61,7 @@ std::map<int, Parts> parts_of(const Reduced& reduced) {
   const std::vector<Active> known = known_effects(reduced.bench);
   std::map<int, Parts> of_capture;
   for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || cell.n < 1) continue;
+    if (!cell.usable || cell.n < 1) continue;
     const double off = cell.mean_mm - cell.nominal_mm;
     of_capture[reduced.group_of(cell).capture].push_back(
         {static_cast<double>(cell.n), cell.variance_mm2 * (cell.n - 1) / cell.n + off * off,
@@ -263,7 +263,7 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
   double gains = 0, gains2 = 0;
   for (std::size_t i = 0; i < before.cells.size(); ++i) {
     const Cell &a = before.cells[i], &b = after.cells[i];
-    if (!a.smooth || !b.smooth || a.n < 1) continue;
+    if (!a.usable || !b.usable || a.n < 1) continue;
     const int capture = before.group_of(a).capture;
     const double v_before = noise_before.at(capture).variance_mm2 + variance_of_sample(known_before, a),
                  v_after = noise_after.at(capture).variance_mm2 + variance_of_sample(known_after, b);

@@ -9,21 +9,21 @@
 
 #include "fit/explain/explanation.hpp"
 #include "fit/explain/reduction/left_out.hpp"
-#include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/occluders.hpp"
 #include "fit/explain/reduction/range_limit.hpp"
 #include "fit/explain/reduction/steady_echoes.hpp"
 
 namespace fit::explain {
 namespace {
 
-/// `passers`: what stood before the targets, in all recordings.
-Reduced reduce_all(const Together& together, const std::vector<Passer>& passers, const Progress& progress,
+/// `occluders`: what stood before the targets, in all recordings.
+Reduced reduce_all(const Together& together, const std::vector<Occluder>& occluders, const Progress& progress,
                    bool keep_samples) {
   const auto& recordings = together.recordings();
   Reduced all;
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     Standing standing = together.standing(i);
-    for (const Passer& one : passers) standing.hidden[one.capture].emplace_back(one.from_rad, one.to_rad);
+    for (const Occluder& one : occluders) standing.hidden[one.capture].emplace_back(one.from_rad, one.to_rad);
     const auto report = [&](double share, const std::string& what) {
       if (progress) progress((static_cast<double>(i) + share) / static_cast<double>(recordings.size()), what);
     };
@@ -142,7 +142,7 @@ std::string note_on(const std::vector<reduction::Opening>& openings, const Bench
     const std::string where = "target '" + bench.target_at(target).name + "' from " + rounded(from_mm, 4) +
                               " to " + rounded(to_mm, 4) + " mm from its middle in " +
                               std::to_string(captures) + " captures";
-    if (off_mm >= astray_mm)
+    if (off_mm >= off_target_mm)
       through.push_back(where);
     else
       standing.push_back(rounded(std::abs(off_mm), 2) + " mm " + (off_mm < 0 ? "before " : "behind ") +
@@ -171,12 +171,12 @@ std::string note_on(const std::map<int, int>& absent, const Bench& bench) {
 }
 
 /// Where the thing stood that most captures saw at one place, and in how many.
-std::pair<Eigen::Vector2d, std::size_t> usual_place(const std::vector<Passer>& passers) {
+std::pair<Eigen::Vector2d, std::size_t> usual_place(const std::vector<Occluder>& occluders) {
   constexpr double one_place_mm = 250;
   std::pair<Eigen::Vector2d, std::size_t> usual;
-  for (const Passer& one : passers) {
+  for (const Occluder& one : occluders) {
     std::set<int> in;
-    for (const Passer& other : passers)
+    for (const Occluder& other : occluders)
       if (one.at_mm && other.at_mm && (*one.at_mm - *other.at_mm).norm() < one_place_mm)
         in.insert(other.capture);
     if (in.size() > usual.second) usual = {*one.at_mm, in.size()};
@@ -185,15 +185,15 @@ std::pair<Eigen::Vector2d, std::size_t> usual_place(const std::vector<Passer>& p
 }
 
 /// `one_bench`: all captures are of one recording, with one frame.
-std::string note_on(const std::vector<Passer>& passers, const std::vector<CaptureInfo>& captures,
+std::string note_on(const std::vector<Occluder>& occluders, const std::vector<CaptureInfo>& captures,
                     bool one_bench) {
-  if (passers.empty()) return {};
+  if (occluders.empty()) return {};
   std::set<int> in;
-  for (const Passer& one : passers) in.insert(one.capture);
+  for (const Occluder& one : occluders) in.insert(one.capture);
   const auto widest =
-      std::ranges::max_element(passers, {}, [](const Passer& one) { return one.to_rad - one.from_rad; });
+      std::ranges::max_element(occluders, {}, [](const Occluder& one) { return one.to_rad - one.from_rad; });
   constexpr std::size_t stays = 3;  // captures: who walks by stands at one place in fewer
-  const auto [place, times] = usual_place(passers);
+  const auto [place, times] = usual_place(occluders);
   const std::string what =
       times < stays || !one_bench
           ? ": a person, a door."
@@ -209,11 +209,11 @@ std::string note_on(const std::vector<Passer>& passers, const std::vector<Captur
 
 }  // namespace
 
-std::vector<Passer> Reading::read(const Progress& progress) {
+std::vector<Occluder> Reading::read(const Progress& progress) {
   together_ = std::make_unique<Together>(pointers_to(kept_));
   reduced_ = reduce_all(*together_, {}, progress, keep_samples_);
   refuse_nothing_to_compare(reduced_);
-  std::vector<Passer> hidden;
+  std::vector<Occluder> hidden;
   const auto read_again = [&] {
     const std::optional<RangeLimit> limit = reduced_.limit;
     reduced_ = {};  // both would be too much memory
@@ -225,25 +225,25 @@ std::vector<Passer> Reading::read(const Progress& progress) {
     hidden = reduction::beyond(reduced_, *reduced_.limit);
     read_again();
   }
-  std::vector<Passer> passers = reduced_.passers;
-  std::ranges::copy(reduction::standing_things(reduced_), std::back_inserter(passers));
-  if (passers.empty()) return passers;
-  std::ranges::copy(passers, std::back_inserter(hidden));
+  std::vector<Occluder> occluders = reduced_.occluders;
+  std::ranges::copy(reduction::standing_occluders(reduced_), std::back_inserter(occluders));
+  if (occluders.empty()) return occluders;
+  std::ranges::copy(occluders, std::back_inserter(hidden));
   read_again();
-  return passers;
+  return occluders;
 }
 
 Reading::Reading(const std::vector<const Recording*>& recordings, const Progress& progress, bool keep_samples)
     : single_(single_beams(recordings)), kept_(without({}, single_)), keep_samples_(keep_samples) {
-  std::vector<Passer> passers = read(progress);
+  std::vector<Occluder> occluders = read(progress);
   const Misplaced misplaced = reduction::misplaced_captures(reduced_, together_->recordings());
   const std::string note_on_places = note_on(misplaced, reduced_),
                     on_readback = note_on_readback(reduced_.captures);
   if (!misplaced.empty()) {
     kept_ = without(misplaced, single_);
-    passers = read(progress);
+    occluders = read(progress);
   }
-  const std::string note_on_things = note_on(passers, reduced_.captures, recordings.size() == 1);
+  const std::string note_on_things = note_on(occluders, reduced_.captures, recordings.size() == 1);
   const reduction::Sectors dead = reduction::leave_out_dead_beams(reduced_);
   const reduction::Sectors odd = reduction::leave_out_odd_beams(reduced_);
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);

@@ -29,7 +29,7 @@ class Reading {
 
  private:
   /// Reads the captures that are kept. Returns what stood before their targets.
-  std::vector<Passer> read(const Progress& progress);
+  std::vector<Occluder> read(const Progress& progress);
 
   std::vector<SelectedCaptures> single_, kept_;  ///< Of single beams; of these, those that fit somewhere.
   std::unique_ptr<Together> together_;

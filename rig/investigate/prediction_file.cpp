@@ -57,7 +57,7 @@ json prediction_document(const fit::explain::Explanation& found, const std::vect
   for (const fit::CaptureInfo& c : planned) captures.push_back(capture_json(c));
   std::vector<int> capture;
   std::vector<double> beam, range, u, sd, incidence;
-  for (const fit::explain::Foreseen& b : forecast.beams) {
+  for (const fit::explain::PredictedBeam& b : forecast.beams) {
     capture.push_back(b.capture);
     beam.push_back(thousandths(b.beam_rad * fit::deg_per_rad));
     incidence.push_back(thousandths(b.incidence_rad * fit::deg_per_rad));

@@ -111,7 +111,7 @@ Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) 
         if (cell.plain.sight.wall < 0) continue;
         const Sight left = plain.look(moment, 2e-3), right = plain.look(moment, -2e-3);
         cell.lever = (left.range_mm - right.range_mm) / 4e-3;
-        cell.smooth = left.wall == right.wall && std::abs(cell.plain.sight.incidence) < 80 * degree;
+        cell.usable = left.wall == right.wall && std::abs(cell.plain.sight.incidence) < 80 * degree;
         cells_.push_back(cell);
       }
     }
@@ -122,7 +122,7 @@ Oracle::Oracle(const Session& session, const Causes& causes, std::size_t cells) 
   nuisance_.resize(n, static_cast<Eigen::Index>(parameters));
   for (Eigen::Index i = 0; i < n; ++i) {
     const Cell& cell = cells_[static_cast<std::size_t>(i)];
-    weight_[i] = cell.smooth ? cell.weight / cell.plain.variance_mm2 : 0;
+    weight_[i] = cell.usable ? cell.weight / cell.plain.variance_mm2 : 0;
   }
   for (std::size_t p = 0; p < parameters; ++p) {
     const World other(session, {}, moved(session, p));
@@ -142,7 +142,7 @@ Eigen::VectorXd Oracle::shift(const World& world) const {
     const Expectation with = world.expect(world.moment(cell.capture, cell.seq, cell.step));
     const double step = with.mean_mm - cell.plain.mean_mm;
     // A beam that now meets another wall says nothing about how far the first one is.
-    const bool comparable = cell.smooth && with.sight.wall == cell.plain.sight.wall && std::abs(step) < 300;
+    const bool comparable = cell.usable && with.sight.wall == cell.plain.sight.wall && std::abs(step) < 300;
     result[static_cast<Eigen::Index>(i)] = comparable ? step : 0;
   }
   return result;
@@ -160,7 +160,7 @@ Oracle::Refit Oracle::left_at(const Eigen::VectorXd& beta, const std::vector<Exp
   now.left = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(cells_.size()));
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const Cell& cell = cells_[i];
-    if (!cell.smooth) continue;
+    if (!cell.usable) continue;
     const Expectation without = other.expect(other.moment(cell.capture, cell.seq, cell.step));
     // A beam that meets another wall then says nothing about how far the first one is.
     const bool comparable =
@@ -212,7 +212,7 @@ Oracle::Verdict Oracle::judge(const Causes& causes) const {
   for (double log_scale = -0.5; log_scale <= 6; log_scale += 0.01) {
     double sum = 0.5 * std::pow(log_scale / u, 2);
     for (std::size_t i = 0; i < cells_.size(); ++i) {
-      if (!cells_[i].smooth) continue;
+      if (!cells_[i].usable) continue;
       const double ratio = seen[i].variance_mm2 / cells_[i].plain.variance_mm2;
       if (ratio == 1 && log_scale == 0) continue;
       sum += cells_[i].weight * variance_information(ratio / std::exp(log_scale));
@@ -228,7 +228,7 @@ Oracle::Verdict Oracle::judge(const Causes& causes) const {
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     const Cell& cell = cells_[i];
     const auto row = static_cast<Eigen::Index>(i);
-    if (cell.smooth) {
+    if (cell.usable) {
       const double own =
           2 * cell.weight * variance_information(seen[i].variance_mm2 / cell.plain.variance_mm2 / scale);
       if (verdict.variance > 0) verdict.information[row] += own;
@@ -251,7 +251,7 @@ Oracle::Verdict Oracle::judge(const Causes& causes) const {
     if (angle > 0) {
       std::vector<double> levers(session_.captures.size());
       for (const Cell& cell : cells_) {
-        if (!cell.smooth) continue;
+        if (!cell.usable) continue;
         levers[cell.capture] += cell.weight / session_.captures[cell.capture].scans * cell.lever *
                                 cell.lever / cell.plain.variance_mm2;
       }
@@ -298,7 +298,7 @@ double Oracle::intensity(const Causes& causes, Eigen::VectorXd& information) con
     const Cell& cell = cells_[static_cast<std::size_t>(i)];
     const Moment moment = plain.moment(cell.capture, cell.seq, cell.step);
     for (const auto& cause : causes) shift[i] += cause->log_intensity(moment);
-    if (!cell.smooth || !std::isfinite(shift[i])) {
+    if (!cell.usable || !std::isfinite(shift[i])) {
       shift[i] = 0;
       continue;
     }

@@ -11,9 +11,10 @@
 namespace fit::explain::answer {
 namespace {
 
-std::string on_astray(const Reduced& reduced) {
-  return "Most of what was recorded (" + std::to_string(reduced.astray) + " of " +
-         std::to_string(reduced.in_clear) + " cells away from edges) lies more than " + rounded(astray_mm) +
+std::string on_off_targets(const Reduced& reduced) {
+  return "Most of what was recorded (" + std::to_string(reduced.off_targets) + " of " +
+         std::to_string(reduced.in_clear) + " cells away from edges) lies more than " +
+         rounded(off_target_mm) +
          " mm off the bench file's targets: is it the "
          "bench file of this set-up? Check places, mount and the stage's zero before anything "
          "here is believed.";
@@ -105,7 +106,7 @@ struct EndOfCounts {
 
  private:
   [[nodiscard]] static double counts_of(const Cell& cell) {
-    return cell.smooth && cell.n > 1 && std::isfinite(cell.counts) ? cell.counts : 0;
+    return cell.usable && cell.n > 1 && std::isfinite(cell.counts) ? cell.counts : 0;
   }
 };
 
@@ -114,7 +115,7 @@ struct EndOfCounts {
 void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
   const MeanResult& means = inferred.means;
   const auto note = [&](std::string text) { out.notes.push_back(std::move(text)); };
-  if (2 * reduced.astray > reduced.in_clear) note(on_astray(reduced));
+  if (2 * reduced.off_targets > reduced.in_clear) note(on_off_targets(reduced));
   if (means.is_another_scene()) note(on_another_scene(means));
   if (reduced.left_out > 0) note(on_left_out(reduced));
   if (placed_by_bench_alone(means, out)) note(on_few_stops);

@@ -18,7 +18,7 @@ using Eigen::VectorXd;
 using L = IntensityLaw;
 
 constexpr std::size_t rows_at_most = 6000;
-constexpr double reflectance_doubt = 0.1;  // nominal reflectances are
+constexpr double u_reflectance_relative = 0.1;  // nominal reflectances are
 constexpr double least_sigma = 0.01;       // no law is better, and the tables take the rest
 constexpr double worth_a_table = 0.003;
 
@@ -56,7 +56,7 @@ class Description {
     gains_ = VectorXd::Zero(static_cast<Index>(surfaces_.size()));
   }
   static bool is_usable(const Cell& c) {
-    return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.at.intensity >= 3;
+    return c.usable && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.at.intensity >= 3;
   }
   void add(const Cell& c) {
     const Target& target = reduced_.bench.target_at(c.at.target);
@@ -102,7 +102,7 @@ class Description {
   }
 
   [[nodiscard]] double cost(const L& start) const {
-    double sum = 0.5 * (gains_ / reflectance_doubt).squaredNorm();
+    double sum = 0.5 * (gains_ / u_reflectance_relative).squaredNorm();
     for (int k = 1; k < L::size; ++k)
       sum += 0.5 * std::pow(described_.law.value[static_cast<std::size_t>(k)] -
                                 start.value[static_cast<std::size_t>(k)],
@@ -150,8 +150,8 @@ class Description {
       normal.along[k] -= described_.law.value[at] - start.value[at];
     }
     for (Index g = L::size; g < n; ++g) {
-      normal.square(g, g) += 1 / (reflectance_doubt * reflectance_doubt);
-      normal.along[g] -= gains_[g - L::size] / (reflectance_doubt * reflectance_doubt);
+      normal.square(g, g) += 1 / (u_reflectance_relative * u_reflectance_relative);
+      normal.along[g] -= gains_[g - L::size] / (u_reflectance_relative * u_reflectance_relative);
     }
     return normal;
   }

@@ -105,8 +105,9 @@ EmpiricalFunction table_of(const MeanModel& model, const VectorXd& effect_mm, co
   double squares = 0, count = 0;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     if (!std::isfinite(a.at[i])) continue;
-    const double lever = lever_of(a.channel, model.cell(i).sight);
-    if (lever != 0) list.push_back({a.at[i], channel.in_unit * effect_mm[i] / lever, lever * lever});
+    const double sensitivity = sensitivity_of(a.channel, model.cell(i).sight);
+    if (sensitivity != 0)
+      list.push_back({a.at[i], channel.in_unit * effect_mm[i] / sensitivity, sensitivity * sensitivity});
     squares += effect_mm[i] * effect_mm[i];
     count += 1;
   }
@@ -127,7 +128,7 @@ VectorXd explained_by(const MeanModel& model, const EmpiricalFunction& table, co
   const double in_unit = in_words_of(a.channel).in_unit;
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (std::isfinite(a.at[i]))
-      explained[i] = table.value_at(a.at[i]) / in_unit * lever_of(a.channel, model.cell(i).sight);
+      explained[i] = table.value_at(a.at[i]) / in_unit * sensitivity_of(a.channel, model.cell(i).sight);
   return explained;
 }
 

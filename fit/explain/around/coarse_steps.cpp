@@ -29,7 +29,7 @@ std::vector<OutputSteps::Scatter> scatter_of(const Reduced& reduced) {
   constexpr std::size_t enough = 3000;
   std::vector<OutputSteps::Scatter> list;
   for (std::size_t i = 0; i < reduced.cells.size(); i += reduced.cells.size() / enough + 1)
-    if (const Cell& cell = reduced.cells[i]; cell.smooth && cell.n > 1)
+    if (const Cell& cell = reduced.cells[i]; cell.usable && cell.n > 1)
       list.push_back({cell.mean_mm, cell.variance_mm2, cell.n - 1.0});
   return list;
 }

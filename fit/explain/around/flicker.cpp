@@ -27,7 +27,7 @@ constexpr double least_hz = 25, most_hz = 200;
 struct Track {
   double offset_s = 0;     ///< Of its beams, from the scan's beginning.
   double information = 0;  ///< Of one value.
-  double lever_mm = 0;     ///< d value / d stage angle, per rad.
+  double sensitivity_mm = 0;  ///< d value / d stage angle, per rad.
   std::vector<int> scan;
   std::vector<double> value;  ///< Less their mean.
 };
@@ -51,7 +51,7 @@ struct Segment {
       square += tracks[t].information * x * x.transpose();
       along += tracks[t].information * x * wave[t];
     }
-    square += 1e-9 * square.trace() * Eigen::Matrix2d::Identity();  // levers may all be alike
+    square += 1e-9 * square.trace() * Eigen::Matrix2d::Identity();  // sensitivities may all be alike
     const Eigen::Vector2cd common = square.inverse() * along;
     for (std::size_t t = 0; t < tracks.size(); ++t)
       wave[t] -=
@@ -60,8 +60,8 @@ struct Segment {
   }
 
  private:
-  /// Scaled alike: levers are of metres.
-  static Eigen::Vector2d in_common(const Track& track) { return {1.0, track.lever_mm / 1000}; }
+  /// Scaled alike: sensitivities are of metres.
+  static Eigen::Vector2d in_common(const Track& track) { return {1.0, track.sensitivity_mm / 1000}; }
 };
 
 /// A wave's sine and cosine in one segment, or what is known of them.
@@ -110,7 +110,7 @@ std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double pe
     const auto [value, information] = value_of(s);
     if (!(information > 0)) continue;
     Track& track = tracks[{s.group, s.number}];
-    track.lever_mm += s.wv / s.w;
+    track.sensitivity_mm += s.wv / s.w;
     track.scan.push_back(k);
     track.value.push_back(value);
     track.information += information;
@@ -125,7 +125,7 @@ std::map<int, Segment> segments_of(const std::vector<Sector>& sectors, double pe
     for (double& v : track.value) v -= mean;
     track.information /= n;
     track.offset_s /= n;
-    track.lever_mm /= n;
+    track.sensitivity_mm /= n;
     Segment& segment = segments[key.first];
     segment.scans = std::max(segment.scans, track.scan.back() + 1);
     segment.tracks.push_back(std::move(track));
@@ -307,7 +307,7 @@ class Spectrum {
   }
 
   [[nodiscard]] double evidence_of(const Line& line) const {
-    constexpr double price_of_scale = 2;
+    constexpr double penalty_of_scale = 2;
     std::vector<Normal> normals;
     for (std::size_t i = 0; i < segments_.size(); ++i)
       normals.push_back(normal_at(i, line.order, line.point));
@@ -318,7 +318,7 @@ class Spectrum {
         sum += normals[i].evidence(size, continuum(line.order).of_segment[i]);
       best = std::max(best, sum);
     }
-    return best - price_of_scale - std::log(places());
+    return best - penalty_of_scale - std::log(places());
   }
 
   struct Sums {
@@ -446,7 +446,7 @@ static void take_off(double mean_mm, double variance_mm2, Cell& cell) {
 /// group, for a beam at time 0 of its first scan.
 static void take_off(const std::map<int, Complex>& waves, double turn, double period_s, Reduced& reduced) {
   struct Sums {
-    Complex range = 0, lever = 0;  ///< Over the sector's beams, in the group's first scan.
+    Complex range = 0, sensitivity = 0;  ///< Over the sector's beams, in the group's first scan.
     Complex mean = 0;              ///< Of the scans' turns.
     int scans = 0;
   };
@@ -473,11 +473,11 @@ static void take_off(const std::map<int, Complex>& waves, double turn, double pe
       const Complex begin = q * wave->second * std::polar(1.0, turn * cell.at.since_move_s);
       weight += q;
       sums.range += begin;
-      sums.lever += cell.sight.stage_lever() * begin;
+      sums.sensitivity += cell.sight.stage_sensitivity() * begin;
     }
     if (!(weight > 0)) continue;
     sums.range *= s.w / weight;
-    sums.lever *= s.w / weight;
+    sums.sensitivity *= s.w / weight;
   }
   for (Sector& s : reduced.sectors) {
     const auto found = of_sector.find({s.group, s.number});
@@ -485,7 +485,7 @@ static void take_off(const std::map<int, Complex>& waves, double turn, double pe
     const Sums& sums = found->second;
     const Complex since = turned(s) - sums.mean / static_cast<double>(sums.scans);
     s.wd -= (sums.range * since).real();
-    s.wdv -= (sums.lever * since).real();
+    s.wdv -= (sums.sensitivity * since).real();
   }
 }
 

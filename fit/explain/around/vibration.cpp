@@ -37,7 +37,7 @@ struct Series {
       const double sigma = std::sqrt(part.variance_mm2);
       all[part.block].push_back({part.at.since_move_s, part.*mm / sigma});
       squares += std::pow(part.*mm / sigma, 2);
-      units += of_angle ? sigma / part.lever_mm : sigma;
+      units += of_angle ? sigma / part.sensitivity_mm : sigma;
       scans += 1;
     }
     unit = scans > 0 ? units / scans : 0;
@@ -97,9 +97,9 @@ std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>
     const auto blocks = static_cast<double>(rest.blocks.size());
     const double tried = 3 * rest.nyquist_hz / resolved_hz, by_chance = 2 * blocks / rest.scans,
                  gain = -rest.scans / 2 * std::log(1 - std::min(0.99, of_rest.share)),
-                 price = blocks + 4 * std::sqrt(blocks) + std::log(tried / numbers::forms_expected) +
-                         std::log(numbers::named_at / (1 - numbers::named_at));
-    if (of_rest.share < least_share + by_chance || gain < price || line.share < by_chance || gain < most)
+                 penalty = blocks + 4 * std::sqrt(blocks) + std::log(tried / numbers::forms_expected) +
+                           std::log(numbers::named_at / (1 - numbers::named_at));
+    if (of_rest.share < least_share + by_chance || gain < penalty || line.share < by_chance || gain < most)
       continue;
     most = gain;
     found = line.hz;
@@ -107,7 +107,7 @@ std::optional<double> vibration(const Reduced& reduced, std::vector<Unexplained>
         series.unit * std::sqrt(2 * (line.share - by_chance) * series.squares / series.scans);
     u.observable = Observable::range_mean;
     u.coordinate = Coordinate::time;
-    u.gain = gain - price;
+    u.gain = gain - penalty;
     const std::string at =
         rounded(line.hz, 4) +
         " Hz (or one that looks like it from scan to scan), with another phase in every capture";

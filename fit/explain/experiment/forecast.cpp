@@ -21,19 +21,19 @@ constexpr double k_95 = 1.959964;  // of a normal distribution
 /// What the bench knows of mechanisms, ready to act, and which of them have values that count as uncertain:
 /// where targets stand does so by itself. What happened once happens in no other recording.
 struct Known {
-  std::vector<Active> at_work, doubtful;
+  std::vector<Active> at_work, uncertain;
 
   explicit Known(const Bench& bench) : at_work(known_to_be_at_work(bench)) {
     std::erase_if(at_work, [](const Active& known) { return known.mechanism->happened_once(); });
-    doubtful = at_work;
-    std::erase_if(doubtful, [](const Active& known) { return bool(known.mechanism->displaces); });
+    uncertain = at_work;
+    std::erase_if(uncertain, [](const Active& known) { return bool(known.mechanism->displaces); });
   }
 };
 
 /// Columns of all that is uncertain, for one standard uncertainty each.
-Eigen::MatrixXd columns_of_doubt(const MeanModel& model, const Known& known, const Eigen::VectorXd& u) {
+Eigen::MatrixXd uncertainty_columns_of(const MeanModel& model, const Known& known, const Eigen::VectorXd& u) {
   const Eigen::MatrixXd places = model.nuisance_columns() * u.asDiagonal(),
-                        values = values_in_doubt(model, known.doubtful).columns;
+                        values = uncertain_values(model, known.uncertain).columns;
   Eigen::MatrixXd all(model.rows(), places.cols() + values.cols());
   all << places, values;
   return all;
@@ -44,20 +44,20 @@ Reduced predicted(const Bench& twin, const Known& known, Reduced reduced) {
   return reduced;
 }
 
-/// What the recordings leave open of `columns_of_doubt`'s coefficients.
+/// What the recordings leave open of `uncertainty_columns_of`'s coefficients.
 Eigen::MatrixXd left_open(const Bench& twin, const Known& known, const Eigen::VectorXd& u,
                           const std::vector<const Recording*>& recordings) {
   const auto is_uncertain = [](double sigma) { return sigma > 0; };
   auto count = u.size();
-  for (const Active& active : known.doubtful) count += std::ranges::count_if(active.sigma, is_uncertain);
+  for (const Active& active : known.uncertain) count += std::ranges::count_if(active.sigma, is_uncertain);
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(count, count);
   for (Eigen::Index i = 0; i < u.size(); ++i) information(i, i) = 1;
   for (const Recording* recording : recordings) {
     Reduced reduced = predicted(twin, known, Reading({recording}, {}).take_reduced());
-    if (reduced.smooth_cells() == 0) continue;
+    if (reduced.usable_cells() == 0) continue;
     pool_variances(reduced);
     const MeanModel model(reduced, {});
-    const Eigen::MatrixXd columns = model.whitened(columns_of_doubt(model, known, u));
+    const Eigen::MatrixXd columns = model.whitened(uncertainty_columns_of(model, known, u));
     information += columns.transpose() * columns;
   }
   // A value on which no recording has any hold keeps the uncertainty that it is stated with.
@@ -92,14 +92,14 @@ Forecast forecast(const Bench& twin, const std::vector<CaptureInfo>& planned,
   const Eigen::MatrixXd covariance = left_open(twin, known, u, list);
   Reduced reduced =
       predicted(twin, known, reduce(Planned(twin, planned, law_of_bench(twin), few_scans, 0), {}));
-  if (reduced.smooth_cells() == 0)
+  if (reduced.usable_cells() == 0)
     throw std::invalid_argument(
-        "no beam of the planned captures meets a target squarely enough to foretell it");
+        "no beam of the planned captures meets a target squarely enough to predict it");
   const double unstated_mm = stated_noise(twin).value > 0 ? 0 : unstated_noise_mm;
   for (Cell& cell : reduced.cells)
     cell.pooled_mm2 = variance_of_sample(known.at_work, cell) + unstated_mm * unstated_mm + rounding_mm2;
   const MeanModel model(reduced, {});
-  const Eigen::MatrixXd columns = columns_of_doubt(model, known, u);
+  const Eigen::MatrixXd columns = uncertainty_columns_of(model, known, u);
   Forecast out;
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const Cell& cell = model.cell(i);
@@ -118,15 +118,16 @@ ForecastScore score(const Forecast& forecast, const Bench& twin, const Recording
   std::map<std::int64_t, int> planned_as;  // by a capture's number; some may have been left out
   for (const CaptureInfo& capture : recorded.captures())
     planned_as.try_emplace(capture.id, static_cast<int>(planned_as.size()));
-  std::map<long, const Foreseen*> predicted_at;
-  for (const Foreseen& beam : forecast.beams) predicted_at[place_of(beam.capture, beam.beam_rad)] = &beam;
+  std::map<long, const PredictedBeam*> predicted_at;
+  for (const PredictedBeam& beam : forecast.beams)
+    predicted_at[place_of(beam.capture, beam.beam_rad)] = &beam;
   ForecastScore out;
   double squares = 0, means = 0, expected = 0, within = 0, means_within = 0;
   for (const Cell& cell : reduced.cells) {
     const int capture = planned_as.at(reduced.capture_of(cell).id);
     const auto found = predicted_at.find(place_of(capture, cell.beam_rad));
-    if (found == predicted_at.end() || cell.n < 1 || !cell.smooth) continue;
-    const Foreseen& beam = *found->second;
+    if (found == predicted_at.end() || cell.n < 1 || !cell.usable) continue;
+    const PredictedBeam& beam = *found->second;
     const double u_sample = std::hypot(beam.u_mm, beam.sd_mm);
     const double u_mean = std::hypot(beam.u_mm, beam.sd_mm / std::sqrt(static_cast<double>(cell.n)));
     for (int k = 0; k < cell.n; ++k) {

@@ -115,7 +115,7 @@ Eigen::MatrixXd evidence_between(const Reduced& all, const std::vector<Suspected
   const auto samples_of = [](const Reduced& reduced) {
     double sum = 1;
     for (const Cell& cell : reduced.cells)
-      if (cell.smooth) sum += cell.n;
+      if (cell.usable) sum += cell.n;
     return sum;
   };
   const double share = few ? samples_of(all) / samples_of(*few) : 1;

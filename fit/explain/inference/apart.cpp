@@ -15,7 +15,7 @@ Channels channels_of(const Reduced& reduced) {
   const std::vector<Active> known = known_effects(reduced.bench);
   for (const model::ChannelKind& kind : model::channel_kinds()) {
     channels.push_back(kind.of_predicted ? nullptr : kind.rows(reduced, {}));
-    if (channels.back()) append_doubts(known, *channels.back());
+    if (channels.back()) append_uncertainty(known, *channels.back());
   }
   return channels;
 }

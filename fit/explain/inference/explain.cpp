@@ -23,7 +23,7 @@ double noise_floor(const Reduced& reduced, const MeanNoise& noise) {
   double sum = 0, count = 0;
   for (Index i = 0; i < model.rows(); ++i) {
     const Cell& cell = model.cell(i);
-    if (cell.doubt_mm > 0 || cell.mixed_mm > 0) continue;  // what an edge leaves open is no noise
+    if (cell.u_edge_mm > 0 || cell.mixed_mm > 0) continue;  // what an edge leaves open is no noise
     sum += model.variance_of_mean(i);
     ++count;
   }
@@ -165,13 +165,13 @@ void take_means(const Session& session, const Hypothesis& best, MeanResult& mean
 
 /// Once everything is where it fits best.
 void refuse_nothing_that_fits(const Reduced& reduced) {
-  if (reduced.smooth_cells() > 0) return;
+  if (reduced.usable_cells() > 0) return;
   throw std::invalid_argument(
       "none of the " + std::to_string(reduced.cells.size()) +
       " cells of the recording can be compared with the bench" +
-      (reduced.astray > 0 ? ": " + std::to_string(reduced.astray) + " lie more than " +
-                                rounded(astray_mm, 3) + " mm off its targets"
-                          : "") +
+      (reduced.off_targets > 0 ? ": " + std::to_string(reduced.off_targets) + " lie more than " +
+                                     rounded(off_target_mm, 3) + " mm off its targets"
+                               : "") +
       ". Check that it is the bench file of this set-up, and that beams meet targets away from edges");
 }
 

@@ -14,7 +14,7 @@ namespace {
 /// Neighbours scatter so much more than their samples say, beyond chance.
 double excess_of(const Reduced& reduced, const MeanNoise& noise, const explain::Hypothesis& h) {
   const MeanModel model = model_of(reduced, noise, h);
-  const double excess = excess_scatter(model);
+  const double excess = birge_ratio(model);
   // Four standard errors of a median of squares of which neighbours share two beams.
   const double doubt = 4 * 3.4 / std::sqrt(std::max<double>(60, static_cast<double>(model.rows())));
   return excess > 1 + doubt ? excess : 1;
@@ -59,10 +59,10 @@ class Places {
       std::vector<Cell*> without;
       std::size_t row = 0;
       for (Cell& cell : reduced_.cells)
-        if (cell.smooth && off[row++] > far) without.push_back(&cell);
-      for (Cell* cell : without) cell->smooth = false;
+        if (cell.usable && off[row++] > far) without.push_back(&cell);
+      for (Cell* cell : without) cell->usable = false;
       fit();
-      for (Cell* cell : without) cell->smooth = true;
+      for (Cell* cell : without) cell->usable = true;
       if (without.size() == before) break;
       before = without.size();
     }

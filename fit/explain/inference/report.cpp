@@ -42,7 +42,7 @@ Found found_of(const Term& term, const Reduced& reduced) {
   f.parameters = parameters_of(term);
   if (term.kind->target >= 0) f.target = reduced.bench.target_at(term.kind->target).name;
   for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
+    if (!cell.usable || (term.kind->target >= 0 && term.kind->target != cell.at.target)) continue;
     const double mm = cell.sight.shift(f.mechanism->act(cell.at, term.values));
     if (!(std::abs(mm) > std::abs(f.largest_mm))) continue;
     f.largest_mm = mm;

@@ -38,9 +38,9 @@ class Question : Approximation {
     const bool whole = !kind_->refines && !is_form();
     for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
     for (std::size_t i = 0; i < terms.size(); ++i) {
-      const double price = price_of(terms[i]);
-      logs[i] -= price;
-      asked_.push_back({logs[i], std::move(terms[i]), price});
+      const double penalty = penalty_of(terms[i]);
+      logs[i] -= penalty;
+      asked_.push_back({logs[i], std::move(terms[i]), penalty});
     }
     if (kind_->mechanism->any_curve) keep_places();
     const double places = kind_->bins ? combs() : static_cast<double>(logs.size());
@@ -52,7 +52,7 @@ class Question : Approximation {
     if (kind_->begins) add_spans();
     if (kind_->threshold) add_thresholds();
     best_.term = asked_.front().term;
-    best_.term.by_grid = over_grid_ - asked_.front().log_evidence - asked_.front().price;
+    best_.term.by_grid = over_grid_ - asked_.front().log_evidence - asked_.front().penalty;
     best_.log_evidence = over_grid_;
   }
 
@@ -62,17 +62,17 @@ class Question : Approximation {
     const double first = asked_.front().log_evidence;
     std::vector<double> modes;
     std::map<double, double> firsts;  // of each choice: between starts the other may be the better one
-    double most = -1e300, peak = -1e300, price = 0;
+    double most = -1e300, peak = -1e300, penalty = 0;
     for (const Asked& one : asked_) {
       const double first_of_it = firsts.try_emplace(choice_of(one.term), one.log_evidence).first->second;
       if (kind_->refines && one.log_evidence < first_of_it - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
       const double known = with_everything(there, false);
-      modes.push_back(known + (refines ? width_at(there, known) : 0) - one.price);
+      modes.push_back(known + (refines ? width_at(there, known) : 0) - one.penalty);
       if (modes.back() <= most) continue;
       most = modes.back();
       peak = known;
-      price = one.price;
+      penalty = one.penalty;
       best_.term = there;
     }
     // A formula that may bend at will says little of where it is: with its bends another start may be better.
@@ -84,7 +84,7 @@ class Question : Approximation {
       if (with_width <= most) continue;
       modes.push_back(most = with_width);
       peak = known;
-      price = one.price;
+      penalty = one.penalty;
       best_.term = one.term;
     }
     if (best_.always && refines) best_.always = refined(*best_.always);
@@ -94,8 +94,8 @@ class Question : Approximation {
     const double by_grid =
         bent.empty() ? over_grid_ - first
                      : log_sum(bent) - std::log(static_cast<double>(bent.size())) - std::ranges::max(bent);
-    best_.term.by_grid = grid_says ? by_grid - asked_.front().price : 1e300;
-    best_.term.by_modes = all - most - price;
+    best_.term.by_grid = grid_says ? by_grid - asked_.front().penalty : 1e300;
+    best_.term.by_modes = all - most - penalty;
     best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
 
@@ -133,18 +133,18 @@ class Question : Approximation {
   struct Asked {
     double log_evidence;
     Term term;
-    double price = 0;  ///< Minus the log of the prior probability of its times and its choice.
+    double penalty = 0;  ///< Minus the log of the prior probability of its times and its choice.
   };
 
   /// Of two things that a recording may not tell apart one is the usual one.
   [[nodiscard]] double choice_of(const Term& term) const {
     return kind_->choice ? term.values[*kind_->choice] : 0;
   }
-  [[nodiscard]] double price_of(const Term& term) const {
-    return (choice_of(term) > 0 ? numbers::fits_as_well : 0) + price_of_gear(term);
+  [[nodiscard]] double penalty_of(const Term& term) const {
+    return (choice_of(term) > 0 ? numbers::fits_as_well : 0) + penalty_of_gear(term);
   }
   /// Half of what gears make has the longest period, a whole turn, and the other half any other.
-  [[nodiscard]] double price_of_gear(const Term& term) const {
+  [[nodiscard]] double penalty_of_gear(const Term& term) const {
     const auto gear = kind_->mechanism->parameter_of(Parameter::Scale::gear);
     if (!gear) return 0;
     const Parameter& period = kind_->mechanism->parameters[*gear];
@@ -181,7 +181,7 @@ class Question : Approximation {
     const bool may_be_always = !kind_->mechanism->only_for_a_while;
     const double half = may_be_always ? std::log(2.0) : 0;
     for (Asked& one : asked_)
-      one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), one.price + half};
+      one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), one.penalty + half};
     std::vector<double> logs{may_be_always ? over_grid_ - half : -1e300};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     const bool either_sign = std::ranges::any_of(kind_->coefficients, [&](const auto& c) {
@@ -192,12 +192,13 @@ class Question : Approximation {
           scores_along(Coordinate::time,
                        [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }),
           either_sign);
-      const double price = always.price + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
+      const double penalty =
+          always.penalty + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
-        Asked within{0, always.term, price};
+        Asked within{0, always.term, penalty};
         within.term.values[*kind_->begins] = span.from;
         within.term.values[*kind_->begins + 1] = span.to;
-        within.log_evidence = with_sizes(within.term) - price;
+        within.log_evidence = with_sizes(within.term) - penalty;
         logs.push_back(within.log_evidence - places);
         asked_.push_back(std::move(within));
       }

@@ -74,7 +74,7 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
 /// present prediction.
 void add_errors_of_stops(const Reduced& reduced, MeanNoise& noise) {
   noise.stop_rad2 = 0;
-  if (reduced.smooth_cells() == 0 || stops_of(reduced).empty()) return;
+  if (reduced.usable_cells() == 0 || stops_of(reduced).empty()) return;
   const Reduced rows = merged(reduced, numbers::search_rows);
   const MeanModel model = model_of(rows, noise, explain::Hypothesis(rows.bench));
   noise.stop_rad2 = variance_of_stops_rad2(rows, model);
@@ -120,7 +120,7 @@ void Session::make_channels(const MeanNoise& noise) {
   for (const model::ChannelKind& kind : model::channel_kinds()) {
     const std::size_t c = channels_.size();
     auto rows = before.empty() || before[c] ? kind.rows(reduced_, noise) : nullptr;
-    if (rows && c != mean_channel()) append_doubts(known_, *rows);  // the means have theirs
+    if (rows && c != mean_channel()) append_uncertainty(known_, *rows);  // the means have theirs
     if (!rows && !before.empty()) rows = std::move(before[c]);
     channels_.push_back(std::move(rows));
     Eigen::VectorXd offset(channels_.back() ? channels_.back()->rows() : 0);
@@ -173,7 +173,7 @@ Nuisance Session::nuisance(const Hypothesis& h) const {
 double Session::mean_range_mm() const {
   double sum = 0, count = 0;
   for (const Cell& cell : reduced_.cells) {
-    if (!cell.smooth) continue;
+    if (!cell.usable) continue;
     sum += cell.at.range_mm;
     count += 1;
   }
@@ -221,11 +221,11 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
   const bool is_as_noisy = noise == present_noise_;
   present_noise_ = std::move(noise);
   pool_variances(reduced_, present_noise_);
-  reduction::doubt_wide_beams(reduced_, present_noise_.spread_rad);
-  reduction::doubt_other_targets(reduced_, there, at_work);
+  reduction::state_u_of_wide_beams(reduced_, present_noise_.spread_rad);
+  reduction::state_u_of_other_targets(reduced_, there, at_work);
   for (const Active& active : at_work)
     if (const auto bin = active.mechanism->parameter_of(Parameter::Scale::bin))
-      reduction::doubt_bin_edges(
+      reduction::state_u_of_bin_edges(
           reduced_, active.values[*bin], active.values[*bin + 1],
           present_noise_.stop_rad2 + std::pow(reduced_.bench.stage_resolution_rad, 2) / 12);
   make_channels(present_noise_);

@@ -83,7 +83,7 @@ std::vector<IndependentRows::Row> rows_of(
         if (lit > 0) row.at.intensity = std::pow(lit / echoes, 1 / falls_with);
         row.capture = group.capture;
         row.draws = {g, group.scans};
-        row.lever2 /= static_cast<double>(taken.size());
+        row.sensitivity2 /= static_cast<double>(taken.size());
         list.push_back(row);
       }
       row = {};
@@ -100,7 +100,7 @@ std::vector<IndependentRows::Row> rows_of(
       }
       if (!take(i, row)) continue;
       taken.push_back(i);
-      row.lever2 += cell.sight.beam_lever() * cell.sight.beam_lever();
+      row.sensitivity2 += cell.sight.beam_sensitivity() * cell.sight.beam_sensitivity();
       if (!std::isfinite(cell.at.intensity)) continue;
       echoes += std::pow(std::max(1.0, cell.at.intensity), -falls_with);
       lit += 1;

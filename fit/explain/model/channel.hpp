@@ -25,7 +25,7 @@ class ChannelRows : public Rows {
     int capture = 0;
     double y = 0;  ///< The statistic: a mean, a variance, or a count.
     Draws draws = {};
-    double lever2 = 0;    ///< Mean square of d range / d beam angle, (mm/rad)^2.
+    double sensitivity2 = 0;  ///< Mean square of d range / d beam angle, (mm/rad)^2.
     double n = 0;         ///< Degrees of freedom, or samples.
     double expected = 0;  ///< Of a variance: what of it is predicted from scan to scan; of strays: the noise
                           ///< beside them, mm.

@@ -74,14 +74,14 @@ const ChannelInWords& in_words_of(Channel channel) {
   return all[static_cast<std::size_t>(channel)];
 }
 
-double lever_of(Channel channel, const Sight& sight) {
+double sensitivity_of(Channel channel, const Sight& sight) {
   switch (channel) {
     case Channel::range_scale:
       return sight.range_mm;
     case Channel::beam_angle:
-      return sight.beam_lever();
+      return sight.beam_sensitivity();
     case Channel::stage_angle:
-      return sight.stage_lever();
+      return sight.stage_sensitivity();
     case Channel::place:
       return range_per_mm_out(sight.cos_incidence());
     default:
@@ -132,7 +132,7 @@ TermColumns columns_of(const MeanModel& model, const Active& term) {
   return columns;
 }
 
-Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& known) {
+Columns uncertain_values(const model::Rows& rows, const std::vector<Active>& known) {
   Columns all;
   all.columns.resize(rows.rows(), 0);
   for (const Active& active : known) {
@@ -156,12 +156,12 @@ Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& know
   return all;
 }
 
-Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
+Columns uncertainty_columns(const model::Rows& rows, std::vector<Active> known) {
   std::erase_if(known, [](const Active& active) {
     // A statement that may be corrected is a nuisance of its channel already.
     return active.mechanism->parameters.empty() || active.mechanism->corrects_a_statement;
   });
-  Columns all = values_in_doubt(rows, known);
+  Columns all = uncertain_values(rows, known);
   for (const Active& active : known) {
     const model::Kind kind = kind_here(rows, active);
     if (kind.ways.empty()) continue;
@@ -173,10 +173,10 @@ Columns doubts_of(const model::Rows& rows, std::vector<Active> known) {
   return all;
 }
 
-void append_doubts(std::vector<Active> known, model::ChannelRows& rows) {
+void append_uncertainty(std::vector<Active> known, model::ChannelRows& rows) {
   if (rows.sees_only_combs()) return;
   std::erase_if(known, [&](const Active& active) { return !rows.sees(active.mechanism->coordinate); });
-  rows.append_to_base(doubts_of(rows, std::move(known)));
+  rows.append_to_base(uncertainty_columns(rows, std::move(known)));
 }
 
 }  // namespace fit::explain

@@ -26,12 +26,12 @@ enum class Channel { range, range_scale, beam_angle, stage_angle, place };
 struct ChannelInWords {
   const char *key, *what, *unit;
   double in_unit;      ///< From the inside's unit to that one.
-  double least_lever;  ///< A mean of less says little about the function.
+  double least_sensitivity;  ///< A mean of less says little about the function.
 };
 [[nodiscard]] const ChannelInWords& in_words_of(Channel channel);
 
 /// d range / d what the channel changes: 1, the range, mm per rad, or 1 over the cosine of the incidence.
-[[nodiscard]] double lever_of(Channel channel, const Sight& sight);
+[[nodiscard]] double sensitivity_of(Channel channel, const Sight& sight);
 
 /// What a term does to every mean to first order, mm; 0 where it says nothing.
 [[nodiscard]] Eigen::VectorXd effect_of(const MeanModel& model, const Active& term);
@@ -46,11 +46,11 @@ struct TermColumns {
 
 /// What uncertain values of known mechanisms leave open in the rows of a channel: a column for one standard
 /// uncertainty of each.
-[[nodiscard]] Columns values_in_doubt(const model::Rows& rows, const std::vector<Active>& known);
+[[nodiscard]] Columns uncertain_values(const model::Rows& rows, const std::vector<Active>& known);
 /// The same, and columns of how real causes deviate from formulas.
-[[nodiscard]] Columns doubts_of(const model::Rows& rows, std::vector<Active> known);
+[[nodiscard]] Columns uncertainty_columns(const model::Rows& rows, std::vector<Active> known);
 /// Makes nuisances of a channel of them, as far as it sees what they depend on.
-void append_doubts(std::vector<Active> known, model::ChannelRows& rows);
+void append_uncertainty(std::vector<Active> known, model::ChannelRows& rows);
 
 /// A row's coordinate, file unit, or its place along a target (model::place_of); not finite where it has
 /// none.

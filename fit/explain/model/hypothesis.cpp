@@ -34,7 +34,7 @@ double variance_of_sample(const std::vector<Active>& at_work, const Cell& cell) 
   const Effect all = effect_of(at_work, cell.at);
   const double step_mm = std::max(1.0, all.output_step_mm);
   return all.variance_mm2 +
-         std::pow(cell.sight.beam_lever(), 2) *
+         std::pow(cell.sight.beam_sensitivity(), 2) *
              (all.scan_angle_variance_rad2 + all.beam_angle_variance_rad2) +
          (step_mm * step_mm - 1) * rounding_mm2;
 }
@@ -55,7 +55,7 @@ Columns nuisance_columns(const MeanModel& model, const Nuisance& there) {
 Base base_columns(const MeanModel& model, const Hypothesis& h) {
   Base base;
   base.all = nuisance_columns(model, h.nuisance);
-  base.all.append(doubts_of(model, known_terms(model.bench())));
+  base.all.append(uncertainty_columns(model, known_terms(model.bench())));
   for (const Active& term : h.terms) {
     TermColumns c = columns_of(model, term);
     Prior& prior = c.sizes.prior;

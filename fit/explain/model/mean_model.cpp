@@ -21,7 +21,8 @@ double rounding_variance(double sigma_mm) { return std::exp(-4 * pi * pi * sigma
 
 /// Of one sample about what its scan has in common.
 double own_variance(const Cell& cell, const MeanNoise& noise) {
-  const double common = noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_lever(), 2);
+  const double common =
+      noise.scan_range_mm2 + noise.scan_angle_rad2 * std::pow(cell.sight.stage_sensitivity(), 2);
   return std::max(0.1 * cell.variance_mm2,
                   cell.variance_mm2 - common - cell.of_scans_mm2 - cell.of_joining_mm2());
 }
@@ -51,7 +52,7 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
   Sum all;
   std::vector<Sum> own_scans(reduced.groups.size());
   for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth || cell.n < 2 || cell.sight.target < 0) continue;
+    if (!cell.usable || cell.n < 2 || cell.sight.target < 0) continue;
     for (Sum* sum : {&all, &own_scans[static_cast<std::size_t>(cell.group)]}) {
       sum->squares += own_variance(cell, noise) * (cell.n - 1);
       sum->freedom += cell.n - 1;
@@ -62,7 +63,7 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
     std::vector<double> squares(count + 1, 0.0), freedom(count + 1, 0.0);
     for (std::size_t k = 0; k < count; ++k) {
       const Cell& cell = reduced.cells[group.first_cell + k];
-      const bool good = cell.smooth && cell.n > 1 && cell.sight.target >= 0;
+      const bool good = cell.usable && cell.n > 1 && cell.sight.target >= 0;
       squares[k + 1] = squares[k] + (good ? own_variance(cell, noise) * (cell.n - 1) : 0);
       freedom[k + 1] = freedom[k] + (good ? cell.n - 1 : 0);
     }
@@ -86,9 +87,9 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
 }
 
 double variance_of_mean(const Cell& cell, const MeanNoise& noise) {
-  const double v = cell.pooled_mm2, doubt_mm = std::max(cell.doubt_mm, cell.mixed_mm);
+  const double v = cell.pooled_mm2, u_edge_mm = std::max(cell.u_edge_mm, cell.mixed_mm);
   return noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
-         doubt_mm * doubt_mm;
+         u_edge_mm * u_edge_mm;
 }
 
 MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(&reduced) {
@@ -100,11 +101,12 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
     const auto first = static_cast<Eigen::Index>(row_.size());
     for (std::size_t i = group.first_cell; i < group.last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
-      if (!cell.smooth) continue;
+      if (!cell.usable) continue;
       row_.push_back(i);
       const Sight& sight = cell.sight;
-      levers_.push_back({sight.beam_lever(), sight.stage_lever(), sight.normal.x() / sight.cos_incidence(),
-                         sight.normal.y() / sight.cos_incidence()});
+      sensitivities_.push_back({sight.beam_sensitivity(), sight.stage_sensitivity(),
+                                sight.normal.x() / sight.cos_incidence(),
+                                sight.normal.y() / sight.cos_incidence()});
       weights.push_back(1 / std::sqrt(explain::variance_of_mean(cell, noise)));
       residuals.push_back(cell.off_mm());
     }
@@ -122,7 +124,7 @@ MeanModel::MeanModel(const Reduced& reduced, const MeanNoise& noise) : reduced_(
     Eigen::MatrixXd z(last - first, 2);
     for (Eigen::Index i = first; i < last; ++i)
       z.row(i - first) << weight_[i] * common_[g].range_sigma,
-          weight_[i] * cell(i).sight.stage_lever() * common_[g].angle_sigma;
+          weight_[i] * cell(i).sight.stage_sensitivity() * common_[g].angle_sigma;
     if (first < last) shared_.emplace_back(first, std::move(z));
   }
   if (noise.stop_rad2 > 0) share_stops(std::sqrt(noise.stop_rad2), group_rows);
@@ -139,7 +141,7 @@ void MeanModel::share_stops(double sigma_rad,
       common_[g].stop_sigma = sigma_rad;
       common_[g].stop = static_cast<int>(&stop - stops.data());
       for (Eigen::Index i = group_rows[g].first; i < group_rows[g].second; ++i)
-        z(i, 0) = weight_[i] * cell(i).sight.stage_lever() * sigma_rad;
+        z(i, 0) = weight_[i] * cell(i).sight.stage_sensitivity() * sigma_rad;
     }
   for (const model::SharedErrors& errors : shared_)
     errors.whiten(z);  // what groups share is divided out first
@@ -166,10 +168,10 @@ Eigen::MatrixXd MeanModel::shared_errors() const {
   };
   for (Eigen::Index i = 0; i < rows(); ++i) {
     const Common& common = common_[static_cast<std::size_t>(cell(i).group)];
-    const double lever = cell(i).sight.stage_lever();
+    const double sensitivity = cell(i).sight.stage_sensitivity();
     add(range, cell(i).group, i, common.range_sigma);
-    add(angle, cell(i).group, i, lever * common.angle_sigma);
-    add(stop, common.stop, i, lever * common.stop_sigma);
+    add(angle, cell(i).group, i, sensitivity * common.angle_sigma);
+    add(stop, common.stop, i, sensitivity * common.stop_sigma);
   }
   std::erase_if(columns, [&](const auto& column) { return column.second.squaredNorm() < counts; });
   Eigen::MatrixXd all(rows(), static_cast<Eigen::Index>(columns.size()));
@@ -187,7 +189,7 @@ Eigen::MatrixXd MeanModel::whitened(Eigen::MatrixXd white) const {
 double MeanModel::variance_of_mean(Eigen::Index row) const {
   const Common& common = common_[static_cast<std::size_t>(cell(row).group)];
   return 1 / (weight_[row] * weight_[row]) + common.range_sigma * common.range_sigma +
-         std::pow(cell(row).sight.stage_lever() * std::hypot(common.angle_sigma, common.stop_sigma), 2);
+         std::pow(cell(row).sight.stage_sensitivity() * std::hypot(common.angle_sigma, common.stop_sigma), 2);
 }
 
 Eigen::MatrixXd MeanModel::nuisance_columns() const {
@@ -246,7 +248,7 @@ Eigen::VectorXd MeanModel::remainder(const Eigen::VectorXd& column) const {
   return (white - base_ * factor_.solve(base_.transpose() * white)).cwiseQuotient(weight_);
 }
 
-double excess_scatter(const MeanModel& model) {
+double birge_ratio(const MeanModel& model) {
   const Eigen::VectorXd residual = model.residual();
   std::vector<double> ratios;
   for (Eigen::Index i = 1; i + 1 < model.rows(); ++i) {

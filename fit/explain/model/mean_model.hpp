@@ -65,7 +65,7 @@ class MeanModel final : public model::Rows {
   [[nodiscard]] const Group& group(Eigen::Index row) const { return reduced_->group_of(cell(row)); }
   /// Change of the row's range that an effect makes to first order, mm.
   [[nodiscard]] double response(Eigen::Index row, const Effect& effect) const override {
-    const Levers& l = levers_[static_cast<std::size_t>(row)];
+    const Sensitivities& l = sensitivities_[static_cast<std::size_t>(row)];
     return effect.range_mm + l.beam_mm * effect.beam_rad + l.stage_mm * effect.stage_rad -
            (l.x * effect.origin_mm.x() + l.y * effect.origin_mm.y());
   }
@@ -97,11 +97,11 @@ class MeanModel final : public model::Rows {
   const Reduced* reduced_;
   std::vector<std::size_t> row_;
   /// What every effect is multiplied by, side by side: they are asked for far more often than cells are.
-  struct Levers {
+  struct Sensitivities {
     double beam_mm = 0, stage_mm = 0;  ///< d range / d angle, per rad.
     double x = 0, y = 0;               ///< - d range / d place of the optical centre.
   };
-  std::vector<Levers> levers_;
+  std::vector<Sensitivities> sensitivities_;
   Eigen::VectorXd weight_, residual_, white_;
   struct Common {
     double range_sigma = 0, angle_sigma = 0, stop_sigma = 0;
@@ -120,6 +120,6 @@ class MeanModel final : public model::Rows {
 /// MeanModel is made. What a scan's cells have in common is taken off: it is counted once for all of them.
 void pool_variances(Reduced& reduced, const MeanNoise& noise = {});
 /// Factor by which means scatter more than their samples say, from neighbouring cells.
-[[nodiscard]] double excess_scatter(const MeanModel& model);
+[[nodiscard]] double birge_ratio(const MeanModel& model);
 
 }  // namespace fit::explain

@@ -164,7 +164,7 @@ double inflation_of_variances(const Reduced& reduced, double worth) {
   for (const Group& group : reduced.groups)
     for (std::size_t i = group.first_cell + 1; i < group.last_cell; ++i) {
       const Cell &before = reduced.cells[i - 1], &cell = reduced.cells[i];
-      if (!before.smooth || !cell.smooth || std::min(before.n, cell.n) < 3 ||
+      if (!before.usable || !cell.usable || std::min(before.n, cell.n) < 3 ||
           std::max(before.n, cell.n) > handful || before.at.target != cell.at.target)
         continue;
       const double square = std::pow((before.variance_mm2 + cell.variance_mm2) / 2, 2);
@@ -207,7 +207,7 @@ std::map<double, OwnShare> own_shares(const Reduced& reduced) {
     for (std::size_t i = group.first_cell + 1; i + 1 < group.last_cell; ++i) {
       const Cell &before = reduced.cells[i - 1], &cell = reduced.cells[i], &after = reduced.cells[i + 1];
       const auto counts = [&](const Cell& one) {
-        return one.smooth && one.n >= fewest_samples && one.at.target == cell.at.target;
+        return one.usable && one.n >= fewest_samples && one.at.target == cell.at.target;
       };
       if (!counts(before) || !counts(cell) || !counts(after)) continue;
       const double beside = (before.variance_mm2 + after.variance_mm2) / 2,

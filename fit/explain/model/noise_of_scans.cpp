@@ -95,7 +95,8 @@ NoiseOfScans::NoiseOfScans(Index first, std::span<const ScanPart> parts, const R
     Eigen::VectorXd alone = Eigen::VectorXd::Ones(end - at);
     for (Index i = at; i < end; ++i) {
       const ScanPart& part = parts[static_cast<std::size_t>(i)];
-      step.sees.row(i - at).head<2>() = weight_[i] * Eigen::RowVector2d(part.of_angle ? 0 : 1, part.lever_mm);
+      step.sees.row(i - at).head<2>() =
+          weight_[i] * Eigen::RowVector2d(part.of_angle ? 0 : 1, part.sensitivity_mm);
       if (!own) continue;
       step.sees(i - at, 2 + blocks.at(part.block)) = 1;
       alone[i - at] -= part.of_angle ? angle.own : range.own;

@@ -14,7 +14,7 @@ namespace {
 constexpr double fewest_counts = 4;
 
 bool is_bright(const Cell& c) {
-  return c.smooth && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.counts >= fewest_counts &&
+  return c.usable && c.n > 0 && c.stray == 0 && std::isfinite(c.counts) && c.counts >= fewest_counts &&
          c.lost * 20 <= c.n;
 }
 

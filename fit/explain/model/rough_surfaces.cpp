@@ -158,8 +158,8 @@ LikeliestSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& pl
   // A size that all share strains the prior by no more than a form costs; one of a target alone is a form.
   const bool strained = tried_mm[common] > numbers::rough_mm &&
                         off(tried_mm[common], numbers::rough_mm) > -std::log(numbers::forms_expected);
-  const double price = std::log(static_cast<double>(log_likelihoods.size()) / numbers::forms_expected) +
-                       std::log(numbers::named_at / (1 - numbers::named_at));
+  const double penalty = std::log(static_cast<double>(log_likelihoods.size()) / numbers::forms_expected) +
+                         std::log(numbers::named_at / (1 - numbers::named_at));
   RoughSurfaces::Steps steps_mm;
   std::map<int, double> odd;
   for (const auto& [target, logs] : log_likelihoods) {
@@ -176,7 +176,7 @@ LikeliestSurfaces likeliest_surfaces(const std::vector<RoughSurfaces::Place>& pl
         gain = own;
       }
     steps_mm[target] = tried_mm[best];
-    if (best > others && gain > price)
+    if (best > others && gain > penalty)
       odd[target] = gain;
     else if (best == common && strained)
       odd[target] = logs[common] - logs[usual];

@@ -18,10 +18,10 @@ constexpr int sectors_of_scan = 8;
 
 /// Variances of the range and the angle that some beams have in common, times their weights: every beam has
 /// noise of its own (a "sandwich": White 1980). Where beams on one side are noisier both go together, but the
-/// range does not where it is taken `aside` from the middle of the levers.
+/// range does not where it is taken `aside` from the middle of the sensitivities.
 struct OwnNoise {
   double of_range = 0, of_angle = 0;
-  double aside_mm = 0;  ///< Of the lever, mm per rad.
+  double aside_mm = 0;  ///< Of the sensitivity, mm per rad.
 
   OwnNoise() = default;
   OwnNoise(const Reduced& reduced, const Group& group, std::size_t first_cell, std::size_t last_cell) {
@@ -29,7 +29,7 @@ struct OwnNoise {
     for (std::size_t i = first_cell; i < last_cell; ++i) {
       const Cell& cell = reduced.cells[i];
       if (!reduction::is_informative(cell) || cell.n < 2) continue;
-      const double q = reduction::weight_in_scan(reduced, group, i), v = cell.sight.stage_lever(),
+      const double q = reduction::weight_in_scan(reduced, group, i), v = cell.sight.stage_sensitivity(),
                    qq = q * q * cell.variance_mm2;
       w += q, wv += q * v, wvv += q * v * v;
       ww += qq, wwv += qq * v, wwvv += qq * v * v;
@@ -126,7 +126,9 @@ void take_off_common(std::vector<ScanPart>& parts, double fewest, const Key& key
     RangeAndAngle common;
     double scans = 0;
   };
-  const auto unit_of = [](const ScanPart& p) { return Eigen::Vector2d(p.of_angle ? 0 : 1, p.lever_mm); };
+  const auto unit_of = [](const ScanPart& p) {
+    return Eigen::Vector2d(p.of_angle ? 0 : 1, p.sensitivity_mm);
+  };
   std::map<decltype(key(parts.front())), Sums> sums;
   for (const ScanPart& p : parts) {
     Sums& s = sums[key(p)];
@@ -196,12 +198,12 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     one.at.since_move_s = part.since_move_s / part.w;
     one.at.seq = number_of(faces.scan[static_cast<std::size_t>(part.first - reduced.sectors.data())]);
     one.in_capture = s.seq;
-    const auto add = [&](bool of_angle, double lever, double mm, double variance) {
+    const auto add = [&](bool of_angle, double sensitivity, double mm, double variance) {
       const auto [block, is_new] =
           blocks.try_emplace({s.group, number, of_angle}, static_cast<int>(blocks.size()));
       one.block = block->second;
       one.of_angle = of_angle;
-      one.lever_mm = lever;
+      one.sensitivity_mm = sensitivity;
       one.mm = one.rest_mm = mm;
       one.news = 1 - 1.0 / group.scans;
       one.variance_mm2 = variance;
@@ -213,9 +215,9 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
                  aside = has_angle ? noise.aside_mm : 0;
     add(false, middle - aside, part.wd / part.w - aside * mm_per_rad, noise.of_range / part.w);
     if (!has_angle) return;
-    // In millimetres at the beams' typical lever, so that both statistics have about the same noise.
-    const double lever = std::sqrt(own / part.w);
-    add(true, lever, mm_per_rad * lever, noise.of_angle / part.w);
+    // In millimetres at the beams' typical sensitivity, so that both statistics have about the same noise.
+    const double sensitivity = std::sqrt(own / part.w);
+    add(true, sensitivity, mm_per_rad * sensitivity, noise.of_angle / part.w);
   };
   for (const Sector& s : reduced.sectors) {
     const Group& group = reduced.group_of(s);
@@ -246,7 +248,7 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
     squares += off * off;
     count += p.news;
     of_mean += 1.0 / p.scans;
-    variance += p.variance_mm2 / (of_angle ? p.lever_mm * p.lever_mm : 1);
+    variance += p.variance_mm2 / (of_angle ? p.sensitivity_mm * p.sensitivity_mm : 1);
     number += 1;
     in_block = p.block == block ? in_block + 1 : 0;
     block = p.block;
@@ -358,7 +360,7 @@ void expect_from_scan_to_scan(Reduced& reduced, const std::vector<Active>& at_wo
       at.seq = scan.number;
       at.since_move_s += scan.after_first_s;
       const Effect effect = effect_of(at_work, at);
-      const double mm = effect.range_mm + cell.sight.stage_lever() * effect.stage_rad;
+      const double mm = effect.range_mm + cell.sight.stage_sensitivity() * effect.stage_rad;
       sum += mm;
       squares += mm * mm;
     }

@@ -16,7 +16,7 @@ struct ScanPart {
   int in_capture = 0;  ///< Its number there; that in `at` is the mirror's.
   int block = 0;       ///< Those of one block are deviations from their own mean.
   bool of_angle = false;
-  double lever_mm =
+  double sensitivity_mm =
       0;          ///< d statistic / d stage angle, per rad; d statistic / d range is 1, or 0 of an angle.
   double mm = 0;  ///< The statistic.
   double rest_mm = 0;  ///< Less what repeats, from capture to capture or after a whole number of scans ...

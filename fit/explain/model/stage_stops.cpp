@@ -34,9 +34,10 @@ std::vector<Seen> seen_at(const std::vector<Stop>& stops, const Reduced& reduced
   for (Eigen::Index i = 0; i < model.rows(); ++i) {
     const std::size_t s = stop_of[static_cast<std::size_t>(model.cell(i).group)];
     if (s == stops.size()) continue;
-    const double weight = 1 / std::pow(model.sigma_of_mean(i), 2), lever = model.cell(i).sight.stage_lever();
-    list[s].along += weight * lever * residual[i];
-    list[s].information += weight * lever * lever;
+    const double weight = 1 / std::pow(model.sigma_of_mean(i), 2),
+                 sensitivity = model.cell(i).sight.stage_sensitivity();
+    list[s].along += weight * sensitivity * residual[i];
+    list[s].information += weight * sensitivity * sensitivity;
   }
   return list;
 }

@@ -142,10 +142,11 @@ struct Light {
 
   void add(const Cell& cell, const Mount& mount) {
     constexpr double grazing_rad = 70 * rad_per_deg;
-    const double sway_mm = reduction::sway_mm(mount, cell.sight.range_mm, reduction::doubt_of_mount);
+    const double place_uncertainty_mm =
+        reduction::place_uncertainty_mm(mount, cell.sight.range_mm, reduction::coverage_of_mount);
     is_whole = is_whole && cell.n > 1 && cell.counts > 0 &&
                std::abs(cell.sight.incidence_rad) < grazing_rad &&
-               cell.at.corner_mm > reduction::corner_margin_mm(cell.sight, sway_mm, 0);
+               cell.at.corner_mm > reduction::corner_margin_mm(cell.sight, place_uncertainty_mm, 0);
     if (!is_whole) return;
     counts += (cell.counts - counts) * cell.n / (n + cell.n);
     log_echo += (std::log(cell.at.cos_incidence) - 2 * std::log(cell.sight.range_mm) - log_echo) * cell.n /

@@ -30,9 +30,9 @@ Course course_of(const Shape& shape, const MeanModel& model) {
     const double v = coordinate_at(model, shape.coordinate, i, shape.target);
     if (!std::isfinite(v)) continue;
     course.add(v);
-    const double lever = lever_of(shape.channel, model.cell(i).sight);
-    if (std::abs(lever) < channel.least_lever) continue;  // says little about the function
-    course.add_value(v, effect[i] / lever);
+    const double sensitivity = sensitivity_of(shape.channel, model.cell(i).sight);
+    if (std::abs(sensitivity) < channel.least_sensitivity) continue;  // says little about the function
+    course.add_value(v, effect[i] / sensitivity);
   }
   return course;
 }
@@ -60,10 +60,10 @@ Columns columns_of(const MeanModel& model, const Shape& shape) {
   c.columns.resize(n, terms);
   for (Eigen::Index i = 0; i < n; ++i) {
     const double v = coordinate_at(model, shape.coordinate, i, shape.target),
-                 lever = lever_of(shape.channel, model.cell(i).sight);
+                 sensitivity = sensitivity_of(shape.channel, model.cell(i).sight);
     for (Eigen::Index k = 0; k < terms; ++k)
       c.columns(i, k) =
-          std::isfinite(v) ? lever * form.basis(shape, form.scaled ? x[i] : v, static_cast<int>(k)) : 0;
+          std::isfinite(v) ? sensitivity * form.basis(shape, form.scaled ? x[i] : v, static_cast<int>(k)) : 0;
   }
   c.prior = Prior::around_zero(terms, shape.size);
   if (form.shares) {
@@ -104,7 +104,8 @@ Eigen::VectorXd effect_of(const MeanModel& model, const SeenShape& seen) {
   for (Eigen::Index i = 0; i < model.rows(); ++i)
     if (const double at = coordinate_at(model, seen.shape.coordinate, i, seen.shape.target);
         std::isfinite(at))
-      effect[i] = lever_of(seen.shape.channel, model.cell(i).sight) * linear_in(seen.at, seen.value, at);
+      effect[i] =
+          sensitivity_of(seen.shape.channel, model.cell(i).sight) * linear_in(seen.at, seen.value, at);
   return effect;
 }
 

@@ -76,7 +76,7 @@ struct Form {
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.
   std::function<std::vector<double>(const Shape&)> shares;
   bool whole_places = false;  ///< Between the places to look for there are no others.
-  /// Those to look for along a coordinate: places, extents and prices.
+  /// Those to look for along a coordinate: places, extents and prior odds.
   std::function<std::vector<Shape>(const Axis&)> along;
   std::function<Described(const Shape&, const Course&)> says;
 };

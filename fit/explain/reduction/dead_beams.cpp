@@ -84,7 +84,7 @@ std::optional<double> apart_mm(std::span<const Cell> cells, std::size_t i) {
   if (cell.n == 0 || std::abs(cell.at.edge_rad) < edge_window_rad) return {};
   const double own = cell.mean_mm - cell.nominal_mm;
   const auto beyond = [&](std::size_t k) -> std::optional<double> {
-    if (!cells[k].smooth || cells[k].at.target != cell.at.target) return {};
+    if (!cells[k].usable || cells[k].at.target != cell.at.target) return {};
     return own - (cells[k].mean_mm - cells[k].nominal_mm);
   };
   if (cells.size() < 3) return {};

@@ -30,7 +30,7 @@ struct Opening {
   int target = 0;
   double from_mm = 0, to_mm = 0;  ///< Along the target, from its middle.
   int captures = 0;               ///< In which it was seen.
-  double off_mm = 0;              ///< By how much ranges are longer there, median; `astray_mm`: all through.
+  double off_mm = 0;  ///< By how much ranges are longer there, median; `off_target_mm`: all through.
 };
 
 /// Takes the cells out that look at a stretch of a target from which nothing comes back, or what stands far

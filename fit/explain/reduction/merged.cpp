@@ -36,7 +36,7 @@ std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const Sear
   const Group& all = reduced.groups[group];
   const std::size_t together = search.together(group);
   for (const Cell& cell : reduced.cells_of(all)) {
-    if (!cell.smooth) continue;
+    if (!cell.usable) continue;
     if (runs.empty() || runs.back().size() == together ||
         runs.back().back()->sight.target != cell.sight.target || is_apart(cell) ||
         is_apart(*runs.back().back()))
@@ -48,13 +48,13 @@ std::vector<std::vector<const Cell*>> rows_of(const Reduced& reduced, const Sear
 
 }  // namespace
 
-SearchRows::SearchRows(const Reduced& reduced, bool only_smooth, std::size_t rows_in_all,
+SearchRows::SearchRows(const Reduced& reduced, bool only_usable, std::size_t rows_in_all,
                        std::size_t at_least)
     : at_least_(at_least),
       widest_(std::max(static_cast<double>(at_least), numbers::merged_rad / reduced.bench.lidar.step_rad)) {
   for (const Group& group : reduced.groups) {
     double count = 0;
-    for (const Cell& cell : reduced.cells_of(group)) count += !only_smooth || cell.smooth;
+    for (const Cell& cell : reduced.cells_of(group)) count += !only_usable || cell.usable;
     cells_.push_back(count);
   }
   // As many rows for every group, but no more than it has.

@@ -20,7 +20,7 @@ constexpr double usual_mm = 60;
 
 /// What a beam may be off at most by what the bench file leaves open.
 double allowed_mm(const Bench& bench, const Sight& sight) {
-  return usual_mm + doubt_of_mount * misplaced_mm(bench, sight);
+  return usual_mm + coverage_of_mount * misplaced_mm(bench, sight);
 }
 
 /// The beams of a capture that should meet a target and are about as far from it as they measure; none of too

@@ -18,16 +18,16 @@ constexpr double other_beams_rad = 3 * rad_per_deg;
 constexpr double same_place = 0.5;  // share of what both cover
 
 bool goes_through(const Cell& cell) {
-  return cell.n > 0 ? cell.mean_mm > cell.nominal_mm + astray_mm : cell.lost > 0 && cell.stray == 0;
+  return cell.n > 0 ? cell.mean_mm > cell.nominal_mm + off_target_mm : cell.lost > 0 && cell.stray == 0;
 }
-bool is_near(const Cell& cell) { return std::abs(cell.off_mm()) < astray_mm; }
+bool is_near(const Cell& cell) { return std::abs(cell.off_mm()) < off_target_mm; }
 bool is_met(const Cell& cell) { return cell.n > 0 && cell.lost == 0 && is_near(cell); }
 
 /// How far a mean is off, in units of what it is off for sure.
 double off_for_sure(const Reduced& reduced, const Cell& cell) {
   constexpr double least_mm = 40, sigmas = 12;
   const double noise_mm = std::max(least_mm, sigmas * reduced.group_of(cell).sigma_mm / std::sqrt(cell.n));
-  return std::abs(cell.off_mm()) / (noise_mm + doubt_of_mount * misplaced_mm(reduced.bench, cell.sight));
+  return std::abs(cell.off_mm()) / (noise_mm + coverage_of_mount * misplaced_mm(reduced.bench, cell.sight));
 }
 bool is_elsewhere(const Reduced& reduced, const Cell& cell) {
   return cell.n > 0 ? off_for_sure(reduced, cell) > 1 : goes_through(cell);
@@ -112,7 +112,7 @@ void add_runs(const Reduced& reduced, const Group& group, std::vector<Run>& runs
            ++k, i = static_cast<std::size_t>(static_cast<long>(i) + step)) {
         const bool is_own = cells[i].at.target == target;
         seen.is_hidden |=
-            is_own ? is_hidden(cells[i]) : cells[i].nominal_mm + astray_mm < cells[first].nominal_mm;
+            is_own ? is_hidden(cells[i]) : cells[i].nominal_mm + off_target_mm < cells[first].nominal_mm;
         seen.goes_on |= is_own && !is_elsewhere(reduced, cells[i]);
         seen.is_there |= is_own && is_there(reduced, cells[i]);
       }
@@ -164,7 +164,7 @@ void leave_out(Opening& one, double margin_mm, Reduced& reduced) {
       within.push_back(&cell);
       if (!is_elsewhere(reduced, cell)) continue;
       is_shown = true;
-      off_mm.push_back(goes_through(cell) ? astray_mm : cell.off_mm());
+      off_mm.push_back(goes_through(cell) ? off_target_mm : cell.off_mm());
     }
     if (is_shown) captures.insert(group.capture);
     for (Cell* cell : within)

@@ -37,20 +37,21 @@ void judge_place(const Bench& bench, const Setting& setting, const Beams& beams,
   const Mount& mount = bench.lidar.mount;
   const Samples& samples = setting.samples;
   const Circumstances& c = cell.at;
-  const double half_rad = half_width_rad(cell), sway = sway_mm(mount, cell.sight.range_mm, doubt_of_mount);
+  const double half_rad = half_width_rad(cell),
+               uncertainty_mm = place_uncertainty_mm(mount, cell.sight.range_mm, coverage_of_mount);
   const bool near_corner =
-      setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, sway, half_rad);
+      setting.scene.to_joint_mm(cell.sight) < corner_margin_mm(cell.sight, uncertainty_mm, half_rad);
   const double half_column_rad = samples.grid ? samples.grid->spacing_rad() / 2 : 0,
                from_edge = std::abs(c.edge_rad) - half_column_rad - half_rad;
   const bool near_edge = from_edge <= (c.gap_mm > 0 ? edge_margin_rad : brink_margin_rad);
   const bool slanted = std::abs(cell.sight.incidence_rad) >= grazing_rad(bench.target_at(cell.sight.target));
-  cell.smooth = !near_edge && !near_corner && !slanted;
-  cell.doubtful = !cell.smooth && !slanted && beams.count == 1;
-  cell.doubt_mm = doubt_at_edge_mm(cell.sight, from_edge, c.gap_mm, usual_width_rad);
+  cell.usable = !near_edge && !near_corner && !slanted;
+  cell.doubtful = !cell.usable && !slanted && beams.count == 1;
+  cell.u_edge_mm = u_at_edge_mm(cell.sight, from_edge, c.gap_mm, usual_width_rad);
   // What passes an edge with nothing behind gives no echo. Before another surface a part of the spot weakens
   // the echo, and a weak echo reads otherwise: such a beam tells of edges, and its mean of no range.
   const bool is_of_edge = from_edge > beside_rad && c.gap_mm == 0;
-  if (cell.doubtful && near_edge && !near_corner && is_of_edge) cell.smooth = true;
+  if (cell.doubtful && near_edge && !near_corner && is_of_edge) cell.usable = true;
 }
 
 /// The edge within reach, and the surface on its other side.
@@ -81,7 +82,7 @@ Cell placed(const Reduced& session, const Setting& setting, const Beams& beams) 
   cell.nominal_mm = cell.sight.range_mm;
   if (beams.count > 1) {
     cell.joined_rad = beams.spread(setting.samples.beam_rad);
-    cell.joined_lever_mm = cell.sight.beam_lever();
+    cell.joined_sensitivity_mm = cell.sight.beam_sensitivity();
   }
   judge_place(session.bench, setting, beams, cell);
   find_edge(session.bench, setting, cell);

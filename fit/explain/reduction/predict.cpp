@@ -37,14 +37,14 @@ void predict(Reduced& reduced, const Nuisance& fitted, const std::vector<Active>
   for (const Group& group : reduced.groups) {
     const Scene scene = reduced.scene_of(group, nuisance);
     for (Cell& cell : reduced.cells_of(group)) {
-      if (!cell.smooth) continue;
+      if (!cell.usable) continue;
       const Effect effect = effect_there(reduced, at_work, cell.at);
       const Sight sight = may_leave_out
                               ? scene.look(group.stage_rad, cell.beam_rad, effect)
                               : scene.look_at(cell.sight.target, group.stage_rad, cell.beam_rad, effect);
       if (sight.target != cell.sight.target) {
         if (!may_leave_out) continue;
-        cell.smooth = false;
+        cell.usable = false;
         ++reduced.left_out;
         continue;
       }

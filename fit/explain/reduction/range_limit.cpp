@@ -49,8 +49,8 @@ std::optional<RangeLimit> range_limit(const Reduced& reduced) {
   return RangeLimit{static_cast<double>(mm), beams.samples / samples};
 }
 
-std::vector<Passer> beyond(const Reduced& reduced, const RangeLimit& limit) {
-  std::vector<Passer> list;
+std::vector<Occluder> beyond(const Reduced& reduced, const RangeLimit& limit) {
+  std::vector<Occluder> list;
   for (const Group& group : reduced.groups) {
     if (is_turning(reduced.capture_of(group))) continue;
     const auto is_beyond = [&](const Cell& cell) { return may_reach(limit, cell, group.sigma_mm); };

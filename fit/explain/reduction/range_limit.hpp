@@ -13,6 +13,6 @@ namespace fit::explain::reduction {
 [[nodiscard]] std::optional<RangeLimit> range_limit(const Reduced& reduced);
 
 /// Where beams of a standing stage look at targets that are so far away that noise may reach the limit.
-[[nodiscard]] std::vector<Passer> beyond(const Reduced& reduced, const RangeLimit& limit);
+[[nodiscard]] std::vector<Occluder> beyond(const Reduced& reduced, const RangeLimit& limit);
 
 }  // namespace fit::explain::reduction

@@ -12,10 +12,10 @@
 namespace fit::explain {
 namespace {
 
-using reduction::corner_margin_mm, reduction::sway_mm;
+using reduction::corner_margin_mm, reduction::place_uncertainty_mm;
 
-/// What is left of the doubt about mount and walls once they are fitted: a share of the priors' sway.
-constexpr double doubt_left = 0.15 * reduction::doubt_of_mount;
+/// What is left of the doubt about mount and walls once they are fitted: a share of what the priors leave.
+constexpr double coverage_left = 0.15 * reduction::coverage_of_mount;
 
 /// What a cell's beam meets now.
 struct Met {
@@ -42,9 +42,9 @@ class Reassignment {
       const Scene scene = reduced_.scene_of(group, nuisance_);
       const std::vector<Edge> edges = reduction::edges_there(reduced_, group, scene, at_work_);
       for (Cell& cell : reduced_.cells_of(group)) {
-        if (!cell.doubtful && !cell.smooth) continue;
+        if (!cell.doubtful && !cell.usable) continue;
         const Met now = met_by(cell, group, scene, edges);
-        changed += cell.smooth ? leaves_out(cell, now) : takes_in(cell, now, group);
+        changed += cell.usable ? leaves_out(cell, now) : takes_in(cell, now, group);
       }
     }
     return changed;
@@ -78,7 +78,7 @@ class Reassignment {
         std::abs(now.sight.incidence_rad) < grazing_rad(now) + hardly_rad &&
         now.joint_mm >= corner_margin_mm(now.sight, 0, reduction::half_width_rad(cell)))
       return false;
-    cell.smooth = false;
+    cell.usable = false;
     cell.doubtful = true;
     ++reduced_.left_out;
     return true;
@@ -92,9 +92,9 @@ class Reassignment {
     cell.sight = now.sight;
     cell.at = now.at;
     cell.nominal_mm = nominal;
-    cell.doubt_mm =
-        reduction::doubt_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm, width_rad_);
-    cell.smooth = true;
+    cell.u_edge_mm =
+        reduction::u_at_edge_mm(now.sight, from_edge(cell.edge, now.at), now.at.gap_mm, width_rad_);
+    cell.usable = true;
     cell.doubtful = false;
     --reduced_.left_out;
     return true;
@@ -107,9 +107,9 @@ class Reassignment {
   [[nodiscard]] bool is_clear(const Met& now, const Cell& cell) const {
     const Mount& mount = reduced_.bench.lidar.mount;
     const double half_rad = reduction::half_width_rad(cell),
-                 sway = sway_mm(mount, now.sight.range_mm, doubt_left);
+                 uncertainty_mm = place_uncertainty_mm(mount, now.sight.range_mm, coverage_left);
     return std::abs(now.sight.incidence_rad) < grazing_rad(now) &&
-           now.joint_mm >= corner_margin_mm(now.sight, sway, half_rad) &&
+           now.joint_mm >= corner_margin_mm(now.sight, uncertainty_mm, half_rad) &&
            from_edge(cell.edge, now.at) >= half_rad + edge_margin_rad(cell.edge);
   }
 
@@ -117,7 +117,7 @@ class Reassignment {
   [[nodiscard]] double edge_margin_rad(int edge) const {
     constexpr double seen_rad = 0.25 * rad_per_deg, stated_rad = 0.6 * rad_per_deg;
     const double doubt_rad =
-        is_settled(edge) ? seen_rad : stated_rad + doubt_left * reduced_.bench.lidar.mount.yaw_rad.u;
+        is_settled(edge) ? seen_rad : stated_rad + coverage_left * reduced_.bench.lidar.mount.yaw_rad.u;
     return std::max(doubt_rad, reduction::widths_of_beam * width_rad_);
   }
 

@@ -11,7 +11,7 @@
 #include "fit/bench/empirical.hpp"
 #include "fit/bench/radiometer.hpp"
 #include "fit/explain/reduction/broken_scans.hpp"
-#include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/occluders.hpp"
 #include "fit/explain/reduction/placing.hpp"
 #include "fit/explain/reduction/samples.hpp"
 #include "fit/explain/reduction/temperature.hpp"
@@ -20,8 +20,8 @@
 
 namespace fit::explain {
 
-std::size_t Reduced::smooth_cells() const {
-  return static_cast<std::size_t>(std::ranges::count_if(cells, &Cell::smooth));
+std::size_t Reduced::usable_cells() const {
+  return static_cast<std::size_t>(std::ranges::count_if(cells, &Cell::usable));
 }
 
 double Reduced::typical_sigma_mm() const {
@@ -106,9 +106,9 @@ class Reducer {
     if (const auto hidden = standing_.hidden.find(group.capture); hidden != standing_.hidden.end())
       for (const auto& [from_rad, to_rad] : hidden->second) block.do_not_look(from_rad, to_rad);
     group.sigma_mm = typical_spread(block, out_.bench);
-    for (Passer& one : passers_in(block, scene, group.stage_rad, group.sigma_mm)) {
+    for (Occluder& one : occluders_in(block, scene, group.stage_rad, group.sigma_mm)) {
       one.capture = group.capture;
-      out_.passers.push_back(one);
+      out_.occluders.push_back(one);
     }
     const CaptureInfo& info = out_.captures[capture];
     const Setting setting{info, group, block, scene, scene.edges(group.stage_rad)};
@@ -144,7 +144,7 @@ class Reducer {
       summarise(setting, beams, keep_samples_, cell, out_);
       cell_of_beam[static_cast<std::size_t>(beams.first)] = static_cast<int>(out_.cells.size());
       cell.group = static_cast<int>(out_.groups.size());
-      if (!cell.smooth) ++out_.left_out;
+      if (!cell.usable) ++out_.left_out;
       out_.cells.push_back(cell);
     }
     return cell_of_beam;

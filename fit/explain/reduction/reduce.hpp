@@ -41,10 +41,10 @@ struct Cell {
   int beside = 0;                ///< Of its samples, those in Reduced::beside, ...
   std::size_t first_beside = 0;  ///< ... from there on.
   /// Standard uncertainty of the mean beyond its samples' noise: part of the beam may miss its surface.
-  double doubt_mm = 0;
+  double u_edge_mm = 0;
   double mixed_mm =
       0;  ///< The same, of samples spread as wide as the best hypothesis has it, on two surfaces.
-  bool smooth = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
+  bool usable = false;  ///< The mean may be compared with a surface: no edge near, not grazing, one echo.
   bool doubtful =
       false;  ///< Left out only because mount and walls are not known well enough to say what it meets.
   Circumstances at;
@@ -59,16 +59,16 @@ struct Cell {
   double aside_rad2 = 0;
   /// Of several beams taken together: standard deviation of their angles, and d range / d angle (mm per rad)
   /// by which they were brought to their middle.
-  double joined_rad = 0, joined_lever_mm = 0;
+  double joined_rad = 0, joined_sensitivity_mm = 0;
   /// What that leaves in the variance, where the walls are now.
   [[nodiscard]] double of_joining_mm2() const {
-    const double off = joined_rad * (sight.beam_lever() - joined_lever_mm);
+    const double off = joined_rad * (sight.beam_sensitivity() - joined_sensitivity_mm);
     return off * off;
   }
   /// What it says counts for nothing.
   void leave_out() {
     lost = stray = far = late = early = 0;
-    smooth = doubtful = false;
+    usable = doubtful = false;
   }
 };
 
@@ -139,7 +139,7 @@ struct Sector : WeightedSums {
 };
 
 /// Something that stood before the targets in scans of a capture, at beams between these.
-struct Passer {
+struct Occluder {
   int capture = 0;
   double from_rad = 0, to_rad = 0;
   std::optional<Eigen::Vector2d> at_mm = {};  ///< The middle of its front, if it stood there throughout.
@@ -151,7 +151,7 @@ struct RangeLimit {
 };
 
 /// A mean so far off has nothing to do with the target that the bench file has there.
-constexpr double astray_mm = 400;
+constexpr double off_target_mm = 400;
 
 struct Reduced {
   Bench bench;
@@ -168,7 +168,7 @@ struct Reduced {
   /// share of the way to the target.
   std::vector<float> strays_mm, strays_of_target;
   std::size_t most_strays = 0;  ///< With those of the recording that is being read.
-  std::vector<Passer> passers;  ///< Seen in some scans of a capture.
+  std::vector<Occluder> occluders;  ///< Seen in some scans of a capture.
   std::optional<RangeLimit> limit;
   std::vector<int> unmet;       ///< Targets that hardly a beam meets where the bench file has them.
   long samples = 0;
@@ -179,11 +179,11 @@ struct Reduced {
   std::optional<double> vibration_hz;  ///< At which whole scans swing, with another phase in every capture.
   int left_out = 0;                    ///< Cells that no mean is taken of.
   int in_clear = 0;              ///< Cells away from edges and corners, square on enough, by the bench file.
-  int astray = 0;                ///< Of these, those more than `astray_mm` off their target.
+  int off_targets = 0;           ///< Of these, those more than `off_target_mm` off their target.
   int scans = 0;                 ///< That were read; besides, those that came again, ...
   int repeated = 0, broken = 0;  ///< ... and of them, those of which a part is missing.
 
-  [[nodiscard]] std::size_t smooth_cells() const;
+  [[nodiscard]] std::size_t usable_cells() const;
   /// Of one sample, the groups' median.
   [[nodiscard]] double typical_sigma_mm() const;
   [[nodiscard]] const CaptureInfo& capture_of(const Group& group) const {
@@ -252,7 +252,7 @@ int reassign(Reduced& reduced, const Nuisance& nuisance, const std::vector<Activ
 class SearchRows {
  public:
   /// at_least: cells of a row, however few there are.
-  SearchRows(const Reduced& reduced, bool only_smooth, std::size_t rows, std::size_t at_least = 1);
+  SearchRows(const Reduced& reduced, bool only_usable, std::size_t rows, std::size_t at_least = 1);
   [[nodiscard]] std::size_t together(std::size_t group) const;
   [[nodiscard]] bool take(std::size_t group) const;
 

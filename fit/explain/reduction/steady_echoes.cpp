@@ -14,7 +14,7 @@ namespace {
 constexpr double rounding = 1.0 / 12;  // counts^2: they come as whole numbers
 
 bool has_echo(const Cell& cell) {
-  return cell.smooth && cell.n > 1 && cell.intensity_sd > 0 && std::isfinite(cell.at.intensity);
+  return cell.usable && cell.n > 1 && cell.intensity_sd > 0 && std::isfinite(cell.at.intensity);
 }
 
 /// A line along the beams through the echoes of some cells, at one of them; none if they do not lie on one.

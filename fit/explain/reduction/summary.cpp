@@ -142,7 +142,7 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
     if (std::abs(off) <= too_far_mm) continue;
     ++cell.far;
     if (std::abs(off) < of_noise.close_mm) ++(off > 0 ? cell.late : cell.early);
-    if (!cell.smooth || session.strays_mm.size() >= session.most_strays) continue;
+    if (!cell.usable || session.strays_mm.size() >= session.most_strays) continue;
     session.strays_mm.push_back(static_cast<float>(range));
     session.strays_of_target.push_back(static_cast<float>(range / middle_mm));
   }
@@ -154,19 +154,19 @@ void average(const std::vector<double>& ranges_mm, double middle_mm, double reac
 
 /// Whether samples so spread and so many may be compared with a surface.
 void judge_samples(const Core& core, int echoes, double sigma_mm, bool turning, Cell& cell) {
-  if (turning && cell.stray > 0) cell.smooth = false;  // which of three is wrong nobody knows
+  if (turning && cell.stray > 0) cell.usable = false;  // which of three is wrong nobody knows
   // A robust spread of few samples scatters by 1.17 / sqrt(n) of itself; what chance does is left in, or what
   // is left would be less noisy than the others.
   const double wider = std::max(1.6, 1 + 4 * 1.17 / std::sqrt(std::max(1, echoes)));
   const bool mixed =
       core.spread_mm > wider * sigma_mm + 1 || cell.stray > 0 || cell.lost > 0 || cell.between > 0;
-  if (cell.smooth && cell.doubtful) {  // beside an edge: all samples, or none, met that surface
-    cell.smooth = !mixed && std::abs(cell.off_mm()) < 60 + 5 * sigma_mm;
-    cell.doubtful = !cell.smooth;
+  if (cell.usable && cell.doubtful) {  // beside an edge: all samples, or none, met that surface
+    cell.usable = !mixed && std::abs(cell.off_mm()) < 60 + 5 * sigma_mm;
+    cell.doubtful = !cell.usable;
   }
   if (mixed) cell.doubtful = false;
-  if (core.spread_mm > 4 * sigma_mm + 20) cell.smooth = false;
-  if (cell.n * 2 < echoes) cell.smooth = false;
+  if (core.spread_mm > 4 * sigma_mm + 20) cell.usable = false;
+  if (cell.n * 2 < echoes) cell.usable = false;
 }
 
 }  // namespace
@@ -200,24 +200,24 @@ void summarise(const Setting& setting, const Beams& beams, bool keep_samples, Ce
     session.has_intensity = true;
   }
   if (all.ranges_mm.empty()) {
-    cell.smooth = cell.doubtful = false;
+    cell.usable = cell.doubtful = false;
     return;
   }
   cell.aside_rad2 = all.aside_squares_rad2 / static_cast<double>(all.ranges_mm.size());
-  const bool in_clear = cell.smooth && !cell.doubtful;
+  const bool in_clear = cell.usable && !cell.doubtful;
   note_place_at_edge(all.ranges_mm, sigma_mm, cell, session);
   const Core core = core_of(all.ranges_mm);
   const double reach_mm = reach_of(core, all.ranges_mm.size(), sigma_mm, turning);
   average(all.ranges_mm, core.middle_mm, reach_mm, sigma_mm, keep_samples, cell, session);
   if (cell.n == 0) {
-    cell.smooth = false;
+    cell.usable = false;
     return;
   }
   judge_samples(core, all.looked - all.lost, sigma_mm, turning, cell);
-  const bool astray = std::abs(cell.off_mm()) > astray_mm;
-  if (astray) cell.smooth = false;
+  const bool is_off = std::abs(cell.off_mm()) > off_target_mm;
+  if (is_off) cell.usable = false;
   session.in_clear += in_clear;
-  session.astray += in_clear && astray;
+  session.off_targets += in_clear && is_off;
 }
 
 }  // namespace fit::explain::reduction

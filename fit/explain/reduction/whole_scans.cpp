@@ -32,10 +32,12 @@ class Common {
     range_and_angle_ = solved_ * Eigen::Vector2d(whole.wd, whole.wdv);
     covariance_ = solved_ * noise * solved_;
   }
-  [[nodiscard]] double mm(double lever) const { return range_and_angle_.dot(Eigen::Vector2d(1, lever)); }
+  [[nodiscard]] double mm(double sensitivity) const {
+    return range_and_angle_.dot(Eigen::Vector2d(1, sensitivity));
+  }
   /// Of a beam's variance, when the common part is taken off.
-  [[nodiscard]] double share_left(const Weighed& beam, double lever) const {
-    const Eigen::Vector2d unit(1, lever);
+  [[nodiscard]] double share_left(const Weighed& beam, double sensitivity) const {
+    const Eigen::Vector2d unit(1, sensitivity);
     return 1 - 2 * beam.weight * unit.dot(solved_ * unit) + unit.dot(covariance_ * unit) / beam.variance;
   }
 
@@ -77,9 +79,9 @@ class WholeScans {
     for (std::size_t beam = 0; beam < deviation_.size(); ++beam) {
       if (!good_[beam]) continue;
       const Cell& cell = cell_of(beam);
-      const double lever = cell.sight.stage_lever(), weight = weighed_[beam].weight,
-                   left = common.share_left(weighed_[beam], lever);
-      deviation_[beam] -= common.mm(lever);
+      const double sensitivity = cell.sight.stage_sensitivity(), weight = weighed_[beam].weight,
+                   left = common.share_left(weighed_[beam], sensitivity);
+      deviation_[beam] -= common.mm(sensitivity);
       const double square = deviation_[beam] * deviation_[beam];
       if (cell.n >= fewest_echoes) {
         squares += square / std::max(rounding_mm2, cell.variance_mm2);
@@ -125,7 +127,7 @@ class WholeScans {
       const int number = sector_of(b);
       if (session_.sectors.size() == first_sector || session_.sectors.back().number != number)
         session_.sectors.push_back(empty_sector(scan, number, static_cast<std::size_t>(cell_of_beam_[b])));
-      const double q = weighed_[b].weight, v = cell.sight.stage_lever(), d = range - cell.mean_mm;
+      const double q = weighed_[b].weight, v = cell.sight.stage_sensitivity(), d = range - cell.mean_mm;
       session_.sectors.back().last_cell = static_cast<std::size_t>(cell_of_beam_[b]) + 1;
       session_.sectors.back().add(q, v, d);
       whole.add(q, v, d);
@@ -190,7 +192,7 @@ double weight_in_scan(const Reduced& reduced, const Group& group, std::size_t i)
 
 bool is_informative(const Cell& cell) {
   constexpr int hardly_any = 20;  // of so many samples one may be lost: else means are of other scans
-  return cell.smooth && cell.stray == 0 && hardly_any * cell.lost <= cell.n;
+  return cell.usable && cell.stray == 0 && hardly_any * cell.lost <= cell.n;
 }
 
 void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,

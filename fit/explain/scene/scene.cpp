@@ -92,11 +92,11 @@ double Sight::per(const Freedom& freedom, double stage_rad) const {
   const double c = std::cos(stage_rad), s = std::sin(stage_rad);
   if (freedom.of_mount == &Nuisance::x_mm) return -(normal.x() * c + normal.y() * s) / cosine;
   if (freedom.of_mount == &Nuisance::y_mm) return -(-normal.x() * s + normal.y() * c) / cosine;
-  return beam_lever_mm;
+  return beam_sensitivity_mm;
 }
 
 double Sight::shift(const Effect& effect) const {
-  return effect.range_mm + beam_lever() * effect.beam_rad + stage_lever() * effect.stage_rad -
+  return effect.range_mm + beam_sensitivity() * effect.beam_rad + stage_sensitivity() * effect.stage_rad -
          normal.dot(effect.origin_mm) / cos_incidence();
 }
 
@@ -139,8 +139,9 @@ namespace {
 Sight met(Sight sight, const Hit& hit) {
   static_cast<Hit&>(sight) = hit;
   if (hit.target < 0) return sight;
-  sight.beam_lever_mm = sight.range_mm * std::tan(sight.incidence_rad);
-  sight.stage_lever_mm = sight.beam_lever_mm - sight.normal.dot(quarter(sight.origin)) / sight.cosine;
+  sight.beam_sensitivity_mm = sight.range_mm * std::tan(sight.incidence_rad);
+  sight.stage_sensitivity_mm =
+      sight.beam_sensitivity_mm - sight.normal.dot(quarter(sight.origin)) / sight.cosine;
   return sight;
 }
 

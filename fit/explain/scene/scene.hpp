@@ -57,12 +57,12 @@ struct Nuisance {
 struct Sight : Hit {
   double bearing_rad = 0;
   Eigen::Vector2d origin = Eigen::Vector2d::Zero();
-  double beam_lever_mm = 0;   ///< d range / d beam angle, mm per rad.
-  double stage_lever_mm = 0;  ///< d range / d stage angle, mm per rad: the optical centre travels too.
+  double beam_sensitivity_mm = 0;   ///< d range / d beam angle, mm per rad.
+  double stage_sensitivity_mm = 0;  ///< d range / d stage angle, mm per rad: the optical centre travels too.
 
   [[nodiscard]] double cos_incidence() const { return cosine; }
-  [[nodiscard]] double beam_lever() const { return beam_lever_mm; }
-  [[nodiscard]] double stage_lever() const { return stage_lever_mm; }
+  [[nodiscard]] double beam_sensitivity() const { return beam_sensitivity_mm; }
+  [[nodiscard]] double stage_sensitivity() const { return stage_sensitivity_mm; }
   /// d range / d one of the numbers that say where things stand; 0 for those of other targets.
   [[nodiscard]] double per(const Freedom& freedom, double stage_rad) const;
   /// Change of the measured range that an effect makes to first order, mm.

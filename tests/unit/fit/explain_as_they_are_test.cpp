@@ -309,7 +309,7 @@ TEST_CASE("a beam that reads far otherwise is found wherever no edge is near it"
         cell.group = static_cast<int>(stop);
         cell.beam_rad = static_cast<double>(i) * degree;
         cell.n = 20;
-        cell.smooth = true;
+        cell.usable = true;
         cell.edge = 0;  // the nearest one, wherever it is
         cell.at.edge_rad = to_edge_rad;
         cell.at.target = 0;
@@ -323,7 +323,7 @@ TEST_CASE("a beam that reads far otherwise is found wherever no edge is near it"
     const auto found = fit::explain::reduction::leave_out_odd_beams(reduced);
     INFO(to_edge_rad);
     CHECK(found.size() == (to_edge_rad > 0.1 ? 1 : 0));
-    CHECK(reduced.cells[odd].smooth == (to_edge_rad < 0.1));
+    CHECK(reduced.cells[odd].usable == (to_edge_rad < 0.1));
   }
 }
 

@@ -512,12 +512,12 @@ TEST_CASE("samples of both surfaces at a few of a sweep's stops are no chance of
   }
   const Explanation e = fit::explain::explain({&recording}, {});
   INFO(to_text(e));
-  const auto is_told = [&](const std::string& id) {
+  const auto is_reported = [&](const std::string& id) {
     return found(e, id) || std::ranges::any_of(e.undecided_between, [&](const auto& set) {
              return std::ranges::find(set, id) != set.end();
            });
   };
-  CHECK(is_told("mixed-pixel") == is_soft);
+  CHECK(is_reported("mixed-pixel") == is_soft);
   if (!is_soft) CHECK(e.verdict == fit::explain::nothing_missing);
 }
 
@@ -575,7 +575,7 @@ TEST_CASE("a mean whose beam meets two surfaces is doubtful by what is known of 
   fit::explain::Reduced reduced;
   const auto cell = [](double edge_deg, double gap_mm, double corner_mm) {
     fit::explain::Cell c;
-    c.smooth = true;
+    c.usable = true;
     c.at.edge_rad = edge_deg * degree;
     c.at.gap_mm = gap_mm;
     c.at.corner_mm = corner_mm;
@@ -586,12 +586,12 @@ TEST_CASE("a mean whose beam meets two surfaces is doubtful by what is known of 
   constexpr double far_mm = 1e9;
   reduced.cells = {cell(0.5, 300, far_mm), cell(-0.5, 300, far_mm), cell(0.8, 300, far_mm),
                    cell(0.5, 0, far_mm),   cell(5, 300, 20),        cell(5, 300, 30)};
-  fit::explain::reduction::doubt_wide_beams(reduced, 0.2 * degree);
+  fit::explain::reduction::state_u_of_wide_beams(reduced, 0.2 * degree);
   std::vector<double> mixed_mm;
   for (const auto& c : reduced.cells) mixed_mm.push_back(c.mixed_mm);
   const double quarter_mm = 1;  // of what the mean over the beam makes of a corner
   CHECK(mixed_mm == std::vector<double>{300, 300, 0, 0, quarter_mm, 0});
-  fit::explain::reduction::doubt_wide_beams(reduced, 0);
+  fit::explain::reduction::state_u_of_wide_beams(reduced, 0);
   for (const auto& c : reduced.cells) CHECK(c.mixed_mm == 0);
 }
 

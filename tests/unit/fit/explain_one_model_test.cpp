@@ -207,7 +207,7 @@ TEST_CASE("beams of a turning stage taken together do not scatter by what the mo
   predict(reduced, there, {}, false);
   double seen = 0, of_joining = 0, cells = 0;
   for (const fit::explain::Cell& cell : reduced.cells) {
-    if (!cell.smooth) continue;
+    if (!cell.usable) continue;
     seen += cell.variance_mm2;
     of_joining += cell.of_joining_mm2();
     cells += 1;

@@ -180,7 +180,7 @@ TEST_CASE("ranges predicted of a post that stands elsewhere and is thicker are t
   int met = 0;
   for (const fit::explain::Cell& cell : reduced.cells) {
     const auto seen = plain_bench::look(scene, {}, reduced.capture_of(cell).stage_rad, cell.beam_rad);
-    if (!cell.smooth || cell.at.target != post || !seen || seen->wall != static_cast<std::size_t>(post))
+    if (!cell.usable || cell.at.target != post || !seen || seen->wall != static_cast<std::size_t>(post))
       continue;
     CHECK(cell.nominal_mm == Approx(seen->range_mm).margin(1e-6));
     CHECK(cell.at.half_length_mm == Approx(there.radius * fit::pi / 2));

@@ -463,7 +463,7 @@ TEST_CASE("ranges predicted with a mechanism are those that its equation makes i
     double largest_mm = 0;
     int compared = 0;
     for (const fit::explain::Cell& cell : reduced.cells) {
-      if (!cell.smooth) continue;
+      if (!cell.usable) continue;
       const fit::CaptureInfo& capture = recording.captures()[static_cast<std::size_t>(
           reduced.groups[static_cast<std::size_t>(cell.group)].capture)];
       const Beam plain = of_cell(cell, capture, scene, {});

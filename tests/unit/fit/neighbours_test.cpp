@@ -28,7 +28,7 @@ Reduced recorded(int samples, const std::function<double()>& sample) {
         squares += x * x;
       }
       Cell cell;
-      cell.smooth = true;
+      cell.usable = true;
       cell.n = samples;
       cell.at.target = 0;
       cell.variance_mm2 = (squares - sum * sum / samples) / (samples - 1);
@@ -61,7 +61,7 @@ TEST_CASE("means beside the next bin of a comb may be half a bin off, others are
   Reduced reduced = recorded(8, [] { return 0.0; });
   for (std::size_t i = 0; i < reduced.cells.size(); ++i)
     reduced.cells[i].at.range_mm = 2000 + 0.5 * static_cast<double>(i % 20);
-  fit::explain::reduction::doubt_bin_edges(reduced, 10, 0, 0);  // bins end at 2005
+  fit::explain::reduction::state_u_of_bin_edges(reduced, 10, 0, 0);  // bins end at 2005
   for (const Cell& cell : reduced.cells)
     CHECK(cell.mixed_mm == (std::abs(cell.at.range_mm - 2005) < 0.5 ? 5 : 0));
 }

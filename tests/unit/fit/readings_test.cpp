@@ -20,7 +20,7 @@ TEST_CASE("a few beams of one capture stay apart beside many captures of everyth
   recording.add(few, room.scans);
   const fit::explain::Reduced reduced = fit::explain::reduce(recording, {});
   const auto of_few = std::ranges::count_if(reduced.cells, [&](const fit::explain::Cell& cell) {
-    return cell.smooth && reduced.groups[static_cast<std::size_t>(cell.group)].capture == room.captures;
+    return cell.usable && reduced.groups[static_cast<std::size_t>(cell.group)].capture == room.captures;
   });
   REQUIRE(of_few > 10);
   constexpr std::size_t most = 1000;  // of more than five thousand cells

@@ -178,7 +178,7 @@ std::vector<fit::explain::model::ScanPart> ranges_and_angles(int scans) {
         one.in_capture = scan;
         one.block = 2 * part + (of_angle ? 1 : 0);
         one.of_angle = of_angle;
-        one.lever_mm = of_angle ? 900 : part == 0 ? 2000 : -1500;
+        one.sensitivity_mm = of_angle ? 900 : part == 0 ? 2000 : -1500;
         one.variance_mm2 = part == 0 ? 0.3 : 0.7;
         list.push_back(one);
       }
@@ -210,7 +210,7 @@ TEST_CASE(
         const auto shared = [&](const RandomOfScans& of) {
           return of.slow * std::pow(of.rho, lag) + (lag == 0 ? of.fresh : 0);
         };
-        double both = a.lever_mm * b.lever_mm * shared(angle);
+        double both = a.sensitivity_mm * b.sensitivity_mm * shared(angle);
         if (!a.of_angle && !b.of_angle) both += shared(range);
         const RandomOfScans& of = a.of_angle ? angle : range;
         if (a.block == b.block) both += a.variance_mm2 * (i == k ? 1 : of.own * std::pow(of.rho, lag));

@@ -25,7 +25,7 @@ std::vector<Cell> cells_of(const std::function<double(int beam)>& counts, unsign
     Cell& cell = cells[i];
     cell.beam_rad = static_cast<double>(i) * 0.25 * fit::rad_per_deg;
     cell.n = scans;
-    cell.smooth = true;
+    cell.usable = true;
     cell.at.target = 0;
     cell.intensity_sd = sd_of_sample;
     cell.at.intensity = counts(static_cast<int>(i)) + noise(random);
@@ -66,7 +66,7 @@ TEST_CASE("an echo is no neighbour's that comes from another target or has none 
   const auto counts = [](int beam) { return beam < 40 ? 300.0 : 302.0; };
   std::vector<Cell> cells = cells_of(counts, 8);
   for (std::size_t i = 40; i < cells.size(); ++i) cells[i].at.target = 1;
-  cells[10].smooth = false;
+  cells[10].usable = false;
   const double before = cells[10].at.intensity;
   fit::explain::reduction::steady_echoes(cells);
   CHECK(cells[10].at.intensity == before);

@@ -52,7 +52,7 @@ TEST_CASE("beams of a turning stage that are taken together on both sides of a c
   int smooth = 0;
   double worst_mm2 = 0;
   for (const Cell& cell : reduced.cells) {
-    if (!cell.smooth) continue;
+    if (!cell.usable) continue;
     ++smooth;
     worst_mm2 = std::max(worst_mm2, cell.variance_mm2 - cell.of_joining_mm2());
   }

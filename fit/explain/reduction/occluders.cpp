@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "fit/explain/reduction/passers.hpp"
+#include "fit/explain/reduction/occluders.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -25,7 +25,7 @@ std::vector<double> farthest_of_targets(const Samples& samples, const Scene& sce
     if (sight.target < 0) continue;
     double& farthest = farthest_mm[static_cast<std::size_t>(beam)];
     for (int scan = 0; scan < samples.scans; ++scan)
-      if (const double range_mm = samples.at(scan, beam); range_mm < sight.range_mm + astray_mm)
+      if (const double range_mm = samples.at(scan, beam); range_mm < sight.range_mm + off_target_mm)
         farthest = std::max(farthest, range_mm);
   }
   return farthest_mm;
@@ -49,14 +49,14 @@ std::vector<std::pair<int, int>> things_before(int count, const IsBefore& is_bef
 }
 
 /// One more scan in which something stood at these beams, where another may have had it, too.
-void join(Passer one, std::vector<Passer>& passers) {
+void join(Occluder one, std::vector<Occluder>& occluders) {
   constexpr double beside_rad = 2 * rad_per_deg;
-  std::erase_if(passers, [&](const Passer& other) {
+  std::erase_if(occluders, [&](const Occluder& other) {
     if (other.from_rad > one.to_rad + beside_rad || other.to_rad < one.from_rad - beside_rad) return false;
     one = {0, std::min(one.from_rad, other.from_rad), std::max(one.to_rad, other.to_rad)};
     return true;
   });
-  passers.push_back(one);
+  occluders.push_back(one);
 }
 
 /// What the cells of one target are, over all captures.
@@ -82,10 +82,10 @@ bool stands_out(std::span<const Cell> cells, int first, int end) {
 
 }  // namespace
 
-std::vector<Passer> passers_in(const Samples& samples, const Scene& scene, double stage_rad,
-                               double sigma_mm) {
-  std::vector<Passer> passers;
-  if (samples.scans < 2) return passers;
+std::vector<Occluder> occluders_in(const Samples& samples, const Scene& scene, double stage_rad,
+                                   double sigma_mm) {
+  std::vector<Occluder> occluders;
+  if (samples.scans < 2) return occluders;
   const std::vector<double> farthest_mm = farthest_of_targets(samples, scene, stage_rad);
   for (int scan = 0; scan < samples.scans; ++scan) {
     const auto range_mm = [&](int beam) { return samples.at(scan, beam); };
@@ -96,21 +96,21 @@ std::vector<Passer> passers_in(const Samples& samples, const Scene& scene, doubl
     for (const auto& [first, end] : things_before(samples.beams, is_before, range_mm))
       join({0, samples.beam_rad[static_cast<std::size_t>(first)],
             samples.beam_rad[static_cast<std::size_t>(end - 1)]},
-           passers);
+           occluders);
   }
-  return passers;
+  return occluders;
 }
 
-std::vector<Passer> standing_things(const Reduced& reduced) {
+std::vector<Occluder> standing_occluders(const Reduced& reduced) {
   const Mount& mount = reduced.bench.lidar.mount;
   // Millimetres by which a cell is off for sure; beside an edge it may meet the other surface.
   const auto off_mm = [&](const Cell& cell) {
-    const double doubt_mm =
-        nearer_mm(reduced.group_of(cell).sigma_mm) + doubt_of_mount * misplaced_mm(reduced.bench, cell.sight);
+    const double u_edge_mm = nearer_mm(reduced.group_of(cell).sigma_mm) +
+                             coverage_of_mount * misplaced_mm(reduced.bench, cell.sight);
     const double off = cell.off_mm(), range_mm = cell.sight.range_mm;
-    const bool beside_edge =
-        std::abs(cell.at.edge_rad) < beside_rad + sway_mm(mount, range_mm, doubt_of_mount) / range_mm;
-    return cell.n == 0 || beside_edge || std::abs(off) < doubt_mm ? 0 : off;
+    const bool beside_edge = std::abs(cell.at.edge_rad) <
+                             beside_rad + place_uncertainty_mm(mount, range_mm, coverage_of_mount) / range_mm;
+    return cell.n == 0 || beside_edge || std::abs(off) < u_edge_mm ? 0 : off;
   };
   std::map<int, Seen> of_target;
   for (const Cell& cell : reduced.cells) {
@@ -119,7 +119,7 @@ std::vector<Passer> standing_things(const Reduced& reduced) {
     seen.nearer += off_mm(cell) < 0;
   }
   constexpr int few = 4;  // a quarter
-  std::vector<Passer> list;
+  std::vector<Occluder> list;
   for (const Group& group : reduced.groups) {
     const auto cells = reduced.cells_of(group);
     const auto at = [&](int i) -> const Cell& { return cells[static_cast<std::size_t>(i)]; };
