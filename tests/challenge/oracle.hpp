@@ -50,7 +50,7 @@ class Oracle {
     double weight;  ///< Samples it stands for.
     Expectation plain;
     double lever;  ///< mm per rad of beam angle.
-    bool smooth;   ///< Means may be compared: no edge near, not grazing.
+    bool usable;   ///< Means may be compared: no edge near, not grazing.
   };
   [[nodiscard]] Eigen::VectorXd shift(const World& world) const;
   /// What is left of the means when mount and walls are fitted to them to all orders, and its squared

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -14,14 +15,14 @@
 namespace fit::explain {
 namespace {
 
-/// One scan of a block: when, and by how many standard deviations of its noise it is off.
-struct Scan {
-  double time_s = 0, off = 0;
+/// Scans of one capture: when, and by how many standard deviations of its noise each is off.
+struct Block {
+  std::vector<double> time_s, off;
 };
 
 /// The angles, or the ranges, of whole scans, block by block.
 struct Series {
-  std::vector<std::vector<Scan>> blocks;
+  std::vector<Block> blocks;
   double squares = 0, scans = 0;
   double unit = 0;                       ///< Mean noise of one: rad, or mm.
   double longest_s = 0, nyquist_hz = 0;  ///< Of the longest block, and of the densest.
@@ -29,35 +30,26 @@ struct Series {
   /// Of each part that.
   Series(const std::vector<model::ScanPart>& parts, bool of_angle, double model::ScanPart::*mm) {
     constexpr std::size_t fewest = 20, most = 20'000;
-    std::map<int, std::vector<Scan>> all;
+    std::map<int, Block> all;
     double units = 0;
     for (const model::ScanPart& part : parts) {
       if (part.of_angle != of_angle || static_cast<std::size_t>(part.scans) < fewest || scans >= most)
         continue;
       const double sigma = std::sqrt(part.variance_mm2);
-      all[part.block].push_back({part.at.since_move_s, part.*mm / sigma});
+      all[part.block].time_s.push_back(part.at.since_move_s);
+      all[part.block].off.push_back(part.*mm / sigma);
       squares += std::pow(part.*mm / sigma, 2);
       units += of_angle ? sigma / part.sensitivity_mm : sigma;
       scans += 1;
     }
     unit = scans > 0 ? units / scans : 0;
-    for (auto& [block, list] : all) {
-      const double duration_s = list.back().time_s - list.front().time_s;
+    for (auto& [number, block] : all) {
+      const double duration_s = block.time_s.back() - block.time_s.front();
       longest_s = std::max(longest_s, duration_s);
       if (duration_s > 0)
-        nyquist_hz = std::max(nyquist_hz, static_cast<double>(list.size() - 1) / duration_s / 2);
-      blocks.push_back(std::move(list));
+        nyquist_hz = std::max(nyquist_hz, static_cast<double>(block.off.size() - 1) / duration_s / 2);
+      blocks.push_back(std::move(block));
     }
-  }
-  /// The share of all variance that a wave of that frequency has, with a phase of its own in each block.
-  [[nodiscard]] double share_at(double hz) const {
-    double power = 0;
-    for (const std::vector<Scan>& block : blocks) {
-      std::complex<double> sum = 0;
-      for (const Scan& scan : block) sum += scan.off * std::polar(1.0, 2 * pi * hz * scan.time_s);
-      power += 2 * std::norm(sum) / static_cast<double>(block.size());
-    }
-    return power / squares;
   }
 };
 
@@ -65,12 +57,25 @@ struct Line {
   double hz = 0, share = 0;
 };
 
-/// The frequency between two that most of the series swings at, in steps of a part of what a block resolves.
+/// The frequency between two that takes the largest share of a series' variance, by a wave with a phase of
+/// its own in each block. Phasors turn by one step after the other: no sine is taken of every scan and
+/// frequency.
 Line strongest(const Series& series, double from_hz, double to_hz, double step_hz) {
-  Line best;
-  for (double hz = from_hz; hz <= to_hz; hz += step_hz)
-    if (const double share = series.share_at(hz); share > best.share) best = {hz, share};
-  return best;
+  using Eigen::ArrayXcd, Eigen::ArrayXd;
+  ArrayXd power = ArrayXd::Zero(static_cast<Eigen::Index>(std::max(0.0, to_hz - from_hz) / step_hz) + 1);
+  for (const Block& block : series.blocks) {
+    const auto size = std::ssize(block.off);
+    const ArrayXcd turns = std::complex<double>(0, 2 * pi) * ArrayXd::Map(block.time_s.data(), size),
+                   by_step = (turns * step_hz).exp();
+    ArrayXcd phasors = (turns * from_hz).exp() * ArrayXd::Map(block.off.data(), size);
+    for (double& of_frequency : power) {
+      of_frequency += 2 * std::norm(phasors.sum()) / static_cast<double>(size);
+      phasors *= by_step;
+    }
+  }
+  Eigen::Index best = 0;
+  const double most = power.maxCoeff(&best);
+  return {from_hz + static_cast<double>(best) * step_hz, most / series.squares};
 }
 
 }  // namespace
