@@ -171,6 +171,7 @@ void place_and_predict(Reduced& reduced, const std::vector<EmpiricalFunction>& f
     there.set(there.as_vector() + model.posterior_mean());
   }
   predict(reduced, there, at_work, false);
+  reassign(reduced, there, at_work, 0);
 }
 
 std::map<int, OfCapture> noise_of_captures(const Reduced& reduced, const ConstantNoise& constant) {

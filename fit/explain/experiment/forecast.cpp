@@ -41,6 +41,7 @@ Eigen::MatrixXd uncertainty_columns_of(const MeanModel& model, const Known& know
 
 Reduced predicted(const Bench& twin, const Known& known, Reduced reduced) {
   predict(reduced, Nuisance(twin), known.at_work, false);
+  reassign(reduced, Nuisance(twin), known.at_work, 0);  // angles may be off by degrees
   return reduced;
 }
 
