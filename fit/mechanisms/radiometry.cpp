@@ -53,7 +53,7 @@ Mechanism make_radiometry() {
         says += (says.empty() ? "" : "; ") + std::string(words) + with_uncertainty(found->second, "");
     return "Echoes follow another law of intensity than the bench file says: " + says + ".";
   };
-  m.separate = "one target at several distances, and several greys at one distance";
+  m.separate = "look at one target at several distances, and several greys at one distance";
   return m;
 }
 

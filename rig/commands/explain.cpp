@@ -100,17 +100,26 @@ class Explain : public Command {
     }
   }
 
+  static void say_what_it_needs(const fit::explain::Explanation& explanation) {
+    const std::string work = what_separates(explanation);
+    std::fprintf(stderr, "No experiment that this bench can do separates them.%s\n",
+                 work.empty() ? "" : (" It would need " + work + ".").c_str());
+  }
+
   /// Writes the procedure that separates the suspects best; empty when there is none or nowhere to write it.
   std::string next_experiment(const fit::explain::Explanation& explanation,
                               const std::vector<const fit::Recording*>& recordings) const {
-    if (!explanation.has_rivals()) return {};
+    if (!explanation.has_rivals()) {
+      if (!explanation.undecided_between.empty()) say_what_it_needs(explanation);
+      return {};
+    }
     const fit::Bench& bench = recordings.front()->bench();
     const StageLimits limits = stage_limits(bench);
     std::fputs("Planning the experiment that would tell them apart ...\n", stderr);
     const auto best = fit::explain::best_experiment(
         recordings, explanation, {limits.min_deg * fit::rad_per_deg, limits.max_deg * fit::rad_per_deg});
     if (!best) {
-      std::fprintf(stderr, "No experiment that this bench can do separates them.\n");
+      say_what_it_needs(explanation);
       return {};
     }
     const std::string text = procedure_text(*best, bench);

@@ -337,7 +337,7 @@ std::string Investigation::would_need(const Explanation& found) const {
   const auto all = evidence(known_better(bench_), false);
   const auto list = fit::explain::telling_experiments(all->list(), found, travel_of(limits_));
   const auto best = std::ranges::max_element(list, {}, &fit::explain::Experiment::information);
-  if (best == list.end()) return "";
+  if (best == list.end()) return what_separates(found);
   return "with mount and targets measured ten times better than the bench file states: " + best->title;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "fit/explain/explanation.hpp"
 
@@ -114,6 +115,16 @@ json to_json(const Explanation& e) {
   for (const EmpiricalFunction& f : e.correction) out["empirical_correction"].push_back(as_entry(f));
   for (const Prediction& p : e.predictions) out["prediction"].push_back(prediction_json(p));
   return out;
+}
+
+std::string what_separates(const Explanation& explanation) {
+  std::set<std::string> ids;
+  for (const auto& set : explanation.undecided_between) ids.insert(set.begin(), set.end());
+  std::string text;
+  for (const std::string& id : ids)
+    if (const Mechanism* m = find_mechanism(id); m && !m->separate.empty())
+      text += (text.empty() ? "" : "; ") + ("to " + m->separate) + " (" + id + ")";
+  return text;
 }
 
 std::string listed(const std::vector<std::string>& names, const std::string& last) {

@@ -24,4 +24,12 @@ TEST_CASE("nothing missing, but held-out figures far beyond the noise: too few s
   CHECK(notes(0.57, 0.95).empty());
 }
 
+TEST_CASE("where no experiment of the bench decides, the catalogue says what work would") {
+  fit::explain::Explanation e;
+  CHECK(fit::explain::what_separates(e).empty());
+  e.undecided_between = {{"index-offset", "mount-yaw"}, {"unknown-physics", "nothing-missing"}};
+  CHECK(fit::explain::what_separates(e) ==
+        "to take the lidar off and mount it again by its housing (index-offset)");
+}
+
 }  // namespace explain_answer_test
