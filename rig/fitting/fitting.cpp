@@ -129,7 +129,7 @@ nlohmann::json run_fit(const std::string& kind, const std::vector<FitSource>& so
 std::string to_text(const nlohmann::json& result) {
   std::ostringstream out;
   out << result.value("kind", "result") << "\n";
-  for (const std::string& doubt : uncertainty_columns(result)) out << "  DOUBTFUL: " << doubt << "\n";
+  for (const std::string& doubt : doubts_of(result)) out << "  DOUBTFUL: " << doubt << "\n";
   std::size_t width = 10;
   for (const auto& value : result.value("values", nlohmann::json::array()))
     width = std::max(width, value.value("label", value.value("name", "")).size() + 2);

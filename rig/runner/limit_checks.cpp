@@ -91,8 +91,7 @@ json check(const Limit& limit, const SessionStore& session) {
   const double expanded = expanded_of(value);
   const std::string unit = value.contains("unit") && value["unit"].is_string() ? value["unit"] : json("");
   auto [verdict, reason] = judge(limit, number, expanded, unit);
-  if (const std::vector<std::string> doubts = uncertainty_columns(found);
-      verdict == "pass" && !doubts.empty()) {
+  if (const std::vector<std::string> doubts = doubts_of(found); verdict == "pass" && !doubts.empty()) {
     verdict = "inconclusive";
     reason = "the result is in doubt: " + doubts.front();
   }

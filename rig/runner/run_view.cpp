@@ -245,7 +245,7 @@ std::string summary_text(const RunState& state, const SessionStore& session, dou
   for (const auto& result : session.latest_results()) {
     if (result.kind == "limits") continue;
     const json found = json::parse(result.json, nullptr, false);
-    for (const std::string& doubt : uncertainty_columns(found))
+    for (const std::string& doubt : doubts_of(found))
       text += "DOUBTFUL: " + result.kind + ": " + doubt + "\n";
     add_values(values, result.kind, found);
   }

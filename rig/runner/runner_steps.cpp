@@ -55,8 +55,7 @@ awaitable<json> Runner::Impl::fit(std::string kind, json options) {
   json result = co_await std::move(computing_it);
   session.add_result(kind, result.dump(-1, ' ', false, json::error_handler_t::replace));
   session.demand_name();
-  for (const std::string& doubt : uncertainty_columns(result))
-    note("warning", "DOUBTFUL: " + kind + ": " + doubt);
+  for (const std::string& doubt : doubts_of(result)) note("warning", "DOUBTFUL: " + kind + ": " + doubt);
   if (!procedure.limits.empty())
     state().checks_text = check_limits(procedure.limits, session)["checks"].dump();
   status.changed();

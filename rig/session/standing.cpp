@@ -57,7 +57,7 @@ void judge_dates(const SessionStore& session, std::vector<std::string>& reasons)
 
 }  // namespace
 
-std::vector<std::string> uncertainty_columns(const json& result) {
+std::vector<std::string> doubts_of(const json& result) {
   std::vector<std::string> reasons;
   for (const json& contradiction : list_of(result, "contradictions"))
     if (contradiction.is_string()) reasons.push_back(contradiction.get<std::string>());
@@ -114,7 +114,7 @@ Standing standing_of(const SessionStore& session) {
             "The recording shows an effect that neither the values nor their uncertainties contain.");
     } else if (result.kind != "limits") {
       judge_values(document, out.reasons);
-      std::ranges::move(uncertainty_columns(document), std::back_inserter(out.reasons));
+      std::ranges::move(doubts_of(document), std::back_inserter(out.reasons));
     }
   }
   return out;

@@ -24,7 +24,7 @@ struct Standing {
 inline constexpr const char* ended_but_for_reports = "all but its reports";
 
 /// What speaks against a result as a whole: contradictions, and methods that do not agree. Whole sentences.
-[[nodiscard]] std::vector<std::string> uncertainty_columns(const nlohmann::json& result);
+[[nodiscard]] std::vector<std::string> doubts_of(const nlohmann::json& result);
 
 /// From the newest results (their values, `contradictions` and `comparisons`), the identification of lidar
 /// and laboratory, and how the run ended.

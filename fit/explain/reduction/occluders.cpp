@@ -105,12 +105,12 @@ std::vector<Occluder> standing_occluders(const Reduced& reduced) {
   const Mount& mount = reduced.bench.lidar.mount;
   // Millimetres by which a cell is off for sure; beside an edge it may meet the other surface.
   const auto off_mm = [&](const Cell& cell) {
-    const double u_edge_mm = nearer_mm(reduced.group_of(cell).sigma_mm) +
+    const double least_mm = nearer_mm(reduced.group_of(cell).sigma_mm) +
                              coverage_of_mount * misplaced_mm(reduced.bench, cell.sight);
     const double off = cell.off_mm(), range_mm = cell.sight.range_mm;
     const bool beside_edge = std::abs(cell.at.edge_rad) <
                              beside_rad + place_uncertainty_mm(mount, range_mm, coverage_of_mount) / range_mm;
-    return cell.n == 0 || beside_edge || std::abs(off) < u_edge_mm ? 0 : off;
+    return cell.n == 0 || beside_edge || std::abs(off) < least_mm ? 0 : off;
   };
   std::map<int, Seen> of_target;
   for (const Cell& cell : reduced.cells) {
