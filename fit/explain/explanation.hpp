@@ -82,8 +82,8 @@ struct Explanation {
 /// The answer in a few lines for a terminal.
 [[nodiscard]] std::string to_text(const Explanation& explanation);
 
-/// What tells members of undecided sets from their rivals, by the catalogue: work at the bench, beyond what a
-/// procedure can do as well. "by X (id); by Y (id)", empty without such members.
+/// What the catalogue says would tell members of undecided sets from their rivals, work that no procedure can
+/// do included: "to X (id); to Y (id)". Empty without such members.
 [[nodiscard]] std::string what_separates(const Explanation& explanation);
 
 /// "a, b LAST c".

@@ -58,11 +58,12 @@ struct Line {
 };
 
 /// The frequency between two that takes the largest share of a series' variance, by a wave with a phase of
-/// its own in each block. Phasors turn by one step after the other: no sine is taken of every scan and
-/// frequency.
+/// its own in each block; none in a series that never moves. Phasors turn by one step after the other: no
+/// sine is taken of every scan and frequency.
 Line strongest(const Series& series, double from_hz, double to_hz, double step_hz) {
   using Eigen::ArrayXcd, Eigen::ArrayXd;
-  ArrayXd power = ArrayXd::Zero(static_cast<Eigen::Index>(std::max(0.0, to_hz - from_hz) / step_hz) + 1);
+  if (!(series.squares > 0) || to_hz < from_hz) return {};
+  ArrayXd power = ArrayXd::Zero(static_cast<Eigen::Index>((to_hz - from_hz) / step_hz) + 1);
   for (const Block& block : series.blocks) {
     const auto size = std::ssize(block.off);
     const ArrayXcd turns = std::complex<double>(0, 2 * pi) * ArrayXd::Map(block.time_s.data(), size),

@@ -58,6 +58,17 @@ plain_bench::Conceal jitter(double sigma_deg) {
   };
 }
 
+/// Every sample beside an edge is met at an angle of its own, as by a wide beam; elsewhere none is.
+plain_bench::Conceal loose_at_edges(const PlainScene& scene, double sigma_deg, unsigned seed) {
+  return [scene, sigma_deg, random = std::mt19937(seed)](double beam_rad, double stage_rad, double) mutable {
+    const Deviation aside{.beam_rad = sigma_deg * degree * std::normal_distribution<double>()(random)};
+    const auto middle = look(scene, {}, stage_rad, beam_rad),
+               there = look(scene, {}, stage_rad, beam_rad, aside);
+    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
+    return at_edge ? aside : Deviation{};
+  };
+}
+
 TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") {
   const Explanation e = explained(boards(), 5, jitter(0.15));
   INFO(to_text(e));
@@ -199,14 +210,7 @@ TEST_CASE("a beam that times all that it meets is no stray light and no light ov
 
 TEST_CASE("a beam that meets either surface beside an edge, and no noisier wall, is a wide one") {
   const PlainScene scene = boards_in_place();
-  std::mt19937 random(7);
-  const auto wide = [&](double beam_rad, double stage_rad, double) {
-    const Deviation aside{.beam_rad = 0.2 * degree * std::normal_distribution<double>()(random)};
-    const auto middle = look(scene, {}, stage_rad, beam_rad),
-               there = look(scene, {}, stage_rad, beam_rad, aside);
-    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
-    return at_edge ? aside : Deviation{};
-  };
+  const plain_bench::Conceal wide = loose_at_edges(scene, 0.2, 7);
   const Explanation e = explained(scene, 6, wide);
   INFO(to_text(e));
   const auto* beam = found(e, "mixed-pixel");
@@ -466,14 +470,7 @@ TEST_CASE("that few edges lie within the scatter of angles says how little they 
 
 TEST_CASE("a few samples between two surfaces do not hide how wide a beam is", "[long]") {
   const PlainScene scene = boards_in_place();
-  std::mt19937 random(3);
-  const auto wide = [&](double beam_rad, double stage_rad, double) {
-    const Deviation aside{.beam_rad = 0.08 * degree * std::normal_distribution<double>()(random)};
-    const auto middle = look(scene, {}, stage_rad, beam_rad),
-               there = look(scene, {}, stage_rad, beam_rad, aside);
-    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
-    return at_edge ? aside : Deviation{};
-  };
+  const plain_bench::Conceal wide = loose_at_edges(scene, 0.08, 3);
   const auto blended = [&](const plain_bench::Sample& sample, std::mt19937& draw) {
     const auto left = look(scene, {}, sample.stage_rad, sample.beam_rad - 0.05 * degree),
                right = look(scene, {}, sample.stage_rad, sample.beam_rad + 0.05 * degree);
@@ -493,14 +490,7 @@ TEST_CASE("a few samples between two surfaces do not hide how wide a beam is", "
 TEST_CASE("samples of both surfaces at a few of a sweep's stops are no chance of where hard edges are") {
   const PlainScene scene = nine_beams();
   const bool is_soft = GENERATE(true, false);
-  std::mt19937 random(7);
-  const auto soft = [&](double beam_rad, double stage_rad, double) {
-    const Deviation aside{.beam_rad = 0.012 * degree * std::normal_distribution<double>()(random)};
-    const auto middle = look(scene, {}, stage_rad, beam_rad),
-               there = look(scene, {}, stage_rad, beam_rad, aside);
-    const bool at_edge = middle && there && std::abs(middle->range_mm - there->range_mm) > 200;
-    return at_edge && is_soft ? aside : Deviation{};
-  };
+  const plain_bench::Conceal soft = loose_at_edges(scene, is_soft ? 0.012 : 0, 7);
   SyntheticRecording recording = plain_bench::recorded(scene, 18, soft);
   for (int i = 0; i < 90; ++i) {
     fit::CaptureInfo capture;
