@@ -64,8 +64,10 @@ inference::Inferred search(Reduced& reduced, const Progress& progress) {
     mains::take_off_flicker(*hz, reduced);
     inferred = inference::infer(reduced, noise, progress);
   }
-  if (steps && !reduced.bench.knows(steps->mechanism->id))
+  if (steps && !reduced.bench.knows(steps->mechanism->id)) {
     inferred.accepted.insert(inferred.accepted.begin(), *steps);
+    for (Alternative& alternative : inferred.alternatives) alternative.mechanisms.push_back(*steps);
+  }
   inferred.unknown.insert(inferred.unknown.begin(), unknown.begin(), unknown.end());
   return inferred;
 }
@@ -114,7 +116,7 @@ Explanation explain(const std::vector<const Recording*>& recordings, const Progr
   const std::vector<EmpiricalFunction> functions = complete_twin(reduced, inferred.means, explanation);
   if (inferred.means.shapes_carry_over) explanation.correction = functions;
   explanation.predictor =
-      predictor_of(reduced, inferred.means, inferred.accepted, inferred.undecided, explanation.correction);
+      predictor_of(reduced, inferred.means, inferred.alternatives, explanation.correction);
   for (const EmpiricalFunction& f : functions) add_empirical(explanation.bench, f);
   keep_targets(explanation.bench, reading.together().first_scene());
   explanation.notes.insert(explanation.notes.begin(), reading.notes().begin(), reading.notes().end());

@@ -2,11 +2,15 @@
 #include "fit/explain/prediction.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <span>
 #include <stdexcept>
+#include <utility>
 
 #include "fit/bench/empirical.hpp"
 #include "fit/explain/reading.hpp"
@@ -50,22 +54,28 @@ bool states(const Bench& bench, const KnownMechanism& found) {
   });
 }
 
+double log_sum(double a, double b) {
+  const double most = std::max(a, b);
+  return std::isfinite(most) ? most + std::log(std::exp(a - most) + std::exp(b - most)) : most;
+}
+
 /// Squares of a cell's samples about what was predicted, and the variance that is known of each.
 struct Part {
   double n, square, other;
 };
 using Parts = std::vector<Part>;
 
-/// Of the cells that can be predicted, by capture.
-std::map<int, Parts> parts_of(const Reduced& reduced) {
+/// Of the cells that can be predicted, by capture. `u2_mm2`: variance of where each of them is predicted.
+std::map<int, Parts> parts_of(const Reduced& reduced, const std::vector<double>& u2_mm2 = {}) {
   const std::vector<Active> known = known_effects(reduced.bench);
   std::map<int, Parts> of_capture;
-  for (const Cell& cell : reduced.cells) {
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    const Cell& cell = reduced.cells[i];
     if (!cell.usable || cell.n < 1) continue;
-    const double off = cell.mean_mm - cell.nominal_mm;
+    const double off = cell.off_mm();
     of_capture[reduced.group_of(cell).capture].push_back(
         {static_cast<double>(cell.n), cell.variance_mm2 * (cell.n - 1) / cell.n + off * off,
-         variance_of_sample(known, cell)});
+         variance_of_sample(known, cell) + (u2_mm2.empty() ? 0 : u2_mm2[i])});
   }
   return of_capture;
 }
@@ -154,50 +164,139 @@ struct OfCapture {
   }
 };
 
-/// Predicts all cells by what the bench knows and such functions, with mount and targets where they fit best.
-void place_and_predict(Reduced& reduced, const std::vector<EmpiricalFunction>& functions,
-                       const ConstantNoise& constant) {
-  const std::vector<Active> known = known_effects(reduced.bench);
-  std::vector<Active> at_work = known_terms(reduced.bench);
-  at_work.push_back(as_one(functions, reduced.bench));
-  Nuisance there(reduced.bench);
-  for (int pass = 0; pass < 4; ++pass) {
-    predict(reduced, there, at_work, false);
-    for (Cell& cell : reduced.cells)
-      cell.pooled_mm2 = constant.mm * constant.mm + variance_of_sample(known, cell);
-    MeanModel model(reduced, {});
-    const Columns places = nuisance_columns(model, there);
-    model.set_base(places.columns, places.prior);
-    there.set(there.as_vector() + model.posterior_mean());
+/// A recording under one description. What is drawn anew for it (mount, targets, the captures' constant
+/// noise) and what the description leaves open (values of mechanisms within their uncertainties, how they
+/// deviate from their formulas) is integrated over, by Laplace's method.
+class PredictiveDistribution {
+ public:
+  PredictiveDistribution(Reduced recording, const std::vector<KnownMechanism>& found,
+                         const std::vector<EmpiricalFunction>& functions, const ConstantNoise& constant)
+      : reduced_(std::move(recording)), constant_(constant), there_(reduced_.bench) {
+    for (const KnownMechanism& one : found)
+      if (!states(reduced_.bench, one)) add_known(reduced_.bench, one);
+    known_ = known_effects(reduced_.bench);
+    at_work_ = known_terms(reduced_.bench);
+    at_work_.push_back(as_one(functions, reduced_.bench));
+    for (int pass = 0; pass < 4; ++pass) {
+      predict(reduced_, there_, at_work_, false);
+      pool(constant.mm * constant.mm);
+      there_.set(there_.as_vector() + with_base(placed()).posterior_mean());
+    }
+    predict(reduced_, there_, at_work_, false);
+    reassign(reduced_, there_, at_work_, 0);
   }
-  predict(reduced, there, at_work, false);
-  reassign(reduced, there, at_work, 0);
-}
 
-std::map<int, OfCapture> noise_of_captures(const Reduced& reduced, const ConstantNoise& constant) {
-  std::map<int, OfCapture> list;
-  for (const auto& [capture, parts] : parts_of(reduced)) list[capture] = OfCapture(constant, parts);
-  return list;
-}
+  [[nodiscard]] bool is_predicted(std::size_t cell) const {
+    return reduced_.cells[cell].usable && reduced_.cells[cell].n > 0;
+  }
+  void leave_out(std::size_t cell) { reduced_.cells[cell].usable = false; }
+
+  /// All that follows is asked for once no more cells are left out.
+  void integrate() {
+    const auto by_cell = [&](const MeanModel& model, const Eigen::VectorXd& of_rows) {
+      std::vector<double> list(reduced_.cells.size(), 0.0);
+      for (Eigen::Index i = 0; i < model.rows(); ++i)
+        list[static_cast<std::size_t>(&model.cell(i) - reduced_.cells.data())] = of_rows[i];
+      return list;
+    };
+    pool(constant_.mm * constant_.mm);
+    Columns all = placed();
+    const Eigen::MatrixXd open = left_open();
+    const MeanModel stated = with_base(all);
+    Eigen::VectorXd u2 = Eigen::VectorXd::Zero(stated.rows());
+    for (Eigen::Index k = 0; k < open.cols(); ++k) u2 += stated.remainder(open.col(k)).cwiseAbs2();
+    u2_mm2_ = by_cell(stated, u2);
+    log_occam_ = 0;
+    for (const auto& [capture, parts] : parts_of(reduced_, u2_mm2_)) {
+      of_capture_[capture] = OfCapture(constant_, parts);
+      log_occam_ += of_capture_[capture].log_occam;
+    }
+    for (Cell& cell : reduced_.cells)
+      if (cell.usable) cell.pooled_mm2 = variance_mm2(cell);
+    all.append(open, Prior::around_zero(open.cols()));
+    const MeanModel fitted = with_base(all);
+    log_occam_ += fitted.log_occam();
+    const std::vector<double> shift_mm = by_cell(fitted, all.columns * fitted.posterior_mean());
+    density_.assign(reduced_.cells.size(), 0.0);
+    for (std::size_t i = 0; i < reduced_.cells.size(); ++i)
+      if (is_predicted(i)) density_[i] = log_density(reduced_.cells[i], shift_mm[i]);
+  }
+  /// Of the recording as a whole.
+  [[nodiscard]] double log_likelihood() const {
+    return std::accumulate(density_.begin(), density_.end(), 0.0) - log_occam_;
+  }
+  /// Of a cell's samples, where all fits best.
+  [[nodiscard]] double log_density(std::size_t cell) const { return density_[cell]; }
+  [[nodiscard]] double mean_mm(std::size_t cell) const { return reduced_.cells[cell].nominal_mm; }
+  /// Of one sample about that mean: its noise, and what the description leaves open.
+  [[nodiscard]] double variance_mm2(std::size_t cell) const {
+    return variance_mm2(reduced_.cells[cell]) + u2_mm2_[cell];
+  }
+  [[nodiscard]] const Reduced& recording() const { return reduced_; }
+
+ private:
+  void pool(double constant_mm2) {
+    for (Cell& cell : reduced_.cells) cell.pooled_mm2 = constant_mm2 + variance_of_sample(known_, cell);
+  }
+  [[nodiscard]] double variance_mm2(const Cell& cell) const {
+    return of_capture_.at(reduced_.group_of(cell).capture).variance_mm2 + variance_of_sample(known_, cell);
+  }
+  [[nodiscard]] MeanModel with_base(const Columns& columns) const {
+    MeanModel model(reduced_, {});
+    model.set_base(columns.columns, columns.prior);
+    return model;
+  }
+  [[nodiscard]] Columns placed() const { return nuisance_columns(MeanModel(reduced_, {}), there_); }
+  /// What one standard uncertainty of each value and deviation makes of the means, mm.
+  [[nodiscard]] Eigen::MatrixXd left_open() const {
+    return uncertainty_columns(MeanModel(reduced_, {}), known_terms(reduced_.bench)).columns;
+  }
+  [[nodiscard]] double log_density(const Cell& cell, double shift_mm) const {
+    const double variance = variance_mm2(cell), mean = cell.nominal_mm + shift_mm;
+    double sum = 0;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(cell.n); ++k) {
+      const double d = static_cast<double>(reduced_.kept[cell.first_kept + k]) - mean;
+      sum -= 0.5 * (d * d / variance + std::log(2 * pi * variance));
+    }
+    return sum;
+  }
+
+  Reduced reduced_;
+  ConstantNoise constant_;
+  Nuisance there_;
+  std::vector<Active> known_, at_work_;
+  std::map<int, OfCapture> of_capture_;
+  std::vector<double> u2_mm2_, density_;
+  double log_occam_ = 0;
+};
+
+/// Descriptions of which one is true, as probable as stated: of a cell their mean, and the variance of one
+/// sample, with what they differ by.
+struct Mixture {
+  double mean_mm = 0, variance_mm2 = 0;
+
+  Mixture(std::span<const PredictiveDistribution> each, std::span<const double> probabilities,
+          std::size_t cell) {
+    for (std::size_t k = 0; k < each.size(); ++k) mean_mm += probabilities[k] * each[k].mean_mm(cell);
+    for (std::size_t k = 0; k < each.size(); ++k)
+      variance_mm2 +=
+          probabilities[k] * (each[k].variance_mm2(cell) + std::pow(each[k].mean_mm(cell) - mean_mm, 2));
+  }
+};
 
 /// Sums over samples and, of `means`, over cells.
 struct Score {
-  double squares = 0, means = 0, log_likelihood = 0, within = 0;
+  double squares = 0, means = 0, within = 0;
 
-  /// Of a cell's samples, each of that variance; returns their log-likelihood.
-  double add(const Reduced& reduced, const Cell& cell, double variance) {
-    double of_cell = 0;
+  void add(const Reduced& reduced, const Cell& cell, const Mixture& predicted) {
     for (std::size_t k = 0; k < static_cast<std::size_t>(cell.n); ++k) {
-      const double d = static_cast<double>(reduced.kept[cell.first_kept + k]) - cell.nominal_mm;
+      const double d = static_cast<double>(reduced.kept[cell.first_kept + k]) - predicted.mean_mm;
       squares += d * d;
-      of_cell += -0.5 * (d * d / variance + std::log(2 * pi * variance));
-      within += std::erf(std::abs(d) / std::sqrt(2 * variance)) < 0.95;
+      within += std::erf(std::abs(d) / std::sqrt(2 * predicted.variance_mm2)) < 0.95;
     }
-    means += std::pow(cell.mean_mm - cell.nominal_mm, 2);
-    log_likelihood += of_cell;
-    return of_cell;
+    means += std::pow(cell.mean_mm - predicted.mean_mm, 2);
   }
-  [[nodiscard]] PredictedFigures of(double samples, double cells) const {
+  [[nodiscard]] PredictedFigures of(double samples, double cells, double log_likelihood) const {
     return {std::sqrt(squares / samples), std::sqrt(means / cells), log_likelihood / samples,
             within / samples};
   }
@@ -205,8 +304,8 @@ struct Score {
 
 }  // namespace
 
-Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vector<Suspect>& accepted,
-                       const std::vector<Suspect>& undecided,
+Predictor predictor_of(Reduced& reduced, const MeanResult& means,
+                       const std::vector<Alternative>& alternatives,
                        const std::vector<EmpiricalFunction>& functions) {
   constexpr int passes = 2;
   const auto name_of = [&](int target) {
@@ -214,84 +313,90 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means, const std::vec
   };
   Predictor p;
   p.functions = functions;
-  std::vector<KnownMechanism> all;  // with what happened once, in no other recording
-  const auto add = [&](const Mechanism& m, std::map<std::string, Estimate> parameters, int target) {
-    all.push_back(as_known(m, std::move(parameters), name_of(target)));
-    if (!m.happened_once()) p.mechanisms.push_back(all.back());
-  };
-  for (const Active& term : means.best.terms) {
-    std::map<std::string, Estimate> parameters;
-    for (std::size_t k = 0; k < term.values.size(); ++k)
-      parameters[term.mechanism->parameters[k].name] = {term.values[k], term.sigma[k]};
-    add(*term.mechanism, std::move(parameters), term.target);
-  }
-  for (const auto* list : {&accepted, &undecided})
-    for (const Suspect& suspect : *list)
-      if (!is_constant_noise(*suspect.mechanism)) add(*suspect.mechanism, suspect.parameters, suspect.target);
   Hypothesis nothing(reduced.bench);
   nothing.nuisance = means.best.nuisance;
   fit_nuisances(reduced, means.noise, passes, nothing);
   p.constant_before = constant_noise_of(reduced);
-  for (const KnownMechanism& found_one : all) add_known(reduced.bench, found_one);
-  Hypothesis found(reduced.bench);
-  found.nuisance = means.best.nuisance;
-  if (functions.empty()) {
-    fit_nuisances(reduced, means.noise, passes, found);
-  } else {
-    std::vector<Active> at_work = known_terms(reduced.bench);
-    at_work.push_back(as_one(functions, reduced.bench));
-    predict(reduced, found.nuisance, at_work, false);
+  const Bench stated = reduced.bench;
+  for (const Alternative& alternative : alternatives) {
+    Predictor::Description description{alternative.probability, {}, {}};
+    for (const Suspect& suspect : alternative.mechanisms) {
+      if (is_constant_noise(*suspect.mechanism)) continue;
+      const KnownMechanism known = as_known(*suspect.mechanism, suspect.parameters, name_of(suspect.target));
+      add_known(reduced.bench, known);
+      if (!suspect.mechanism->happened_once()) description.mechanisms.push_back(known);
+    }
+    Hypothesis found(reduced.bench);
+    found.nuisance = means.best.nuisance;
+    if (functions.empty()) {
+      fit_nuisances(reduced, means.noise, passes, found);
+    } else {
+      std::vector<Active> at_work = known_terms(reduced.bench);
+      at_work.push_back(as_one(functions, reduced.bench));
+      predict(reduced, found.nuisance, at_work, false);
+    }
+    description.constant = constant_noise_of(reduced);
+    p.descriptions.push_back(std::move(description));
+    reduced.bench = stated;
   }
-  p.constant_after = constant_noise_of(reduced);
   return p;
 }
 
 Prediction predict_recording(const Predictor& predictor, const Recording& recording) {
   Reading reading({&recording}, {}, true);
-  Reduced before = reading.take_reduced();
-  Reduced after = before;
-  for (const KnownMechanism& found : predictor.mechanisms)
-    if (!states(before.bench, found)) add_known(after.bench, found);
-  place_and_predict(before, {}, predictor.constant_before);
-  place_and_predict(after, predictor.functions, predictor.constant_after);
-  const std::vector<Active> known_before = known_effects(before.bench),
-                            known_after = known_effects(after.bench);
+  const Reduced reduced = reading.take_reduced();
+  PredictiveDistribution before(reduced, {}, {}, predictor.constant_before);
+  std::vector<PredictiveDistribution> after;
+  std::vector<double> probabilities;
+  for (const Predictor::Description& one : predictor.descriptions) {
+    after.emplace_back(reduced, one.mechanisms, predictor.functions, one.constant);
+    probabilities.push_back(one.probability);
+  }
   Prediction out;
   out.notes = reading.notes();
-  const auto noise_before = noise_of_captures(before, predictor.constant_before),
-             noise_after = noise_of_captures(after, predictor.constant_after);
-  Score first, last;
-  double gains = 0, gains2 = 0;
-  for (std::size_t i = 0; i < before.cells.size(); ++i) {
-    const Cell &a = before.cells[i], &b = after.cells[i];
-    if (!a.usable || !b.usable || a.n < 1) continue;
-    const int capture = before.group_of(a).capture;
-    const double v_before = noise_before.at(capture).variance_mm2 + variance_of_sample(known_before, a),
-                 v_after = noise_after.at(capture).variance_mm2 + variance_of_sample(known_after, b);
-    const double gain = last.add(after, b, v_after) - first.add(before, a, v_before);
-    gains += gain;
-    gains2 += gain * gain;
-    out.samples += a.n;
-    ++out.cells;
-    out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
-                         a.mean_mm - a.nominal_mm, std::sqrt(a.variance_mm2), b.mean_mm - b.nominal_mm,
-                         std::sqrt(v_before), std::sqrt(v_after)});
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    if (before.is_predicted(i) &&
+        std::ranges::all_of(after, [&](const PredictiveDistribution& one) { return one.is_predicted(i); })) {
+      ++out.cells;
+      out.samples += reduced.cells[i].n;
+      continue;
+    }
+    before.leave_out(i);
+    for (PredictiveDistribution& one : after) one.leave_out(i);
   }
   if (out.samples == 0)
     throw std::invalid_argument(
         "every beam of the recording to be predicted is near an edge, or grazing. Describe wider targets");
-  const auto n = static_cast<double>(out.samples), cells = static_cast<double>(out.cells);
-  const double u_gain2 = gains2 - gains * gains / cells;
-  for (const auto& [capture, noise] : noise_before) {
-    const double after_occam = noise_after.at(capture).log_occam;
-    first.log_likelihood -= noise.log_occam;
-    last.log_likelihood -= after_occam;
-    gains += noise.log_occam - after_occam;
+  before.integrate();
+  double log_after = -std::numeric_limits<double>::infinity(), most = log_after;
+  const PredictiveDistribution* best = nullptr;
+  for (std::size_t k = 0; k < after.size(); ++k) {
+    after[k].integrate();
+    const double joint = std::log(probabilities[k]) + after[k].log_likelihood();
+    log_after = log_sum(log_after, joint);
+    if (joint > most || !best) most = joint, best = &after[k];
   }
-  out.before = first.of(n, cells);
-  out.after = last.of(n, cells);
-  out.gain = gains;
-  out.u_gain = std::sqrt(std::max(0.0, u_gain2));
+  constexpr std::array certain{1.0};
+  Score first, last;
+  double gains = 0, gains2 = 0;
+  for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
+    if (!before.is_predicted(i)) continue;
+    const Cell &a = before.recording().cells[i], &b = best->recording().cells[i];
+    const Mixture without({&before, 1}, certain, i), with(after, probabilities, i);
+    first.add(reduced, a, without);
+    last.add(reduced, b, with);
+    const double gain = best->log_density(i) - before.log_density(i);
+    gains += gain;
+    gains2 += gain * gain;
+    out.shown.push_back({b.at.incidence_rad * deg_per_rad, b.at.range_mm, b.beam_rad * deg_per_rad,
+                         a.mean_mm - without.mean_mm, std::sqrt(a.variance_mm2), b.mean_mm - with.mean_mm,
+                         std::sqrt(without.variance_mm2), std::sqrt(with.variance_mm2)});
+  }
+  const auto n = static_cast<double>(out.samples), cells = static_cast<double>(out.cells);
+  out.before = first.of(n, cells, before.log_likelihood());
+  out.after = last.of(n, cells, log_after);
+  out.gain = log_after - before.log_likelihood();
+  out.u_gain = std::sqrt(std::max(0.0, gains2 - gains * gains / cells));
   return out;
 }
 

@@ -18,10 +18,15 @@ struct ConstantNoise {
 
 /// What a set of recordings taught, in a form that predicts another one.
 struct Predictor {
-  std::vector<KnownMechanism> mechanisms;    ///< That were found; of sets, the best.
-  std::vector<EmpiricalFunction> functions;  ///< Without a name.
-  ConstantNoise constant_before;             ///< With geometry and what the bench knew alone ...
-  ConstantNoise constant_after;              ///< ... and beside what was found.
+  /// One of the hypotheses that count. What happened once is predicted of no other recording.
+  struct Description {
+    double probability = 1;
+    std::vector<KnownMechanism> mechanisms;
+    ConstantNoise constant;  ///< Beside them.
+  };
+  std::vector<Description> descriptions;     ///< The most probable first; together certain.
+  std::vector<EmpiricalFunction> functions;  ///< Without a name, of the best one.
+  ConstantNoise constant_before;             ///< With geometry and what the bench knew alone.
 };
 
 /// Mean and noise of samples that were never fitted, under one description.
@@ -39,8 +44,10 @@ struct PredictedCell {
 };
 
 /// A recording that took no part in the fit, predicted with geometry and constant noise (before) and with
-/// what was found (after). What is drawn anew for it is fitted to it, in both alike: where its own targets
-/// and mount stand, and how much constant noise its captures have, as captures were seen to differ.
+/// what was found (after): by all hypotheses that count, each with its probability (Bayesian model averaging,
+/// Hoeting et al. 1999). What is drawn anew for it is fitted to it, in both alike: where its own targets and
+/// mount stand, and how much constant noise its captures have, as captures were seen to differ. What is
+/// uncertain of the hypotheses widens intervals, and the likelihood is integrated over it.
 struct Prediction {
   std::string session;
   long samples = 0;
@@ -52,10 +59,9 @@ struct Prediction {
       notes;  ///< What of the recording was left out, and why: sentences for the operator.
 };
 
-/// `accepted`, `undecided`: beside the means. `reduced` is left predicted so.
+/// `reduced` is left predicted by one of them.
 [[nodiscard]] Predictor predictor_of(Reduced& reduced, const MeanResult& means,
-                                     const std::vector<Suspect>& accepted,
-                                     const std::vector<Suspect>& undecided,
+                                     const std::vector<Alternative>& alternatives,
                                      const std::vector<EmpiricalFunction>& functions);
 [[nodiscard]] Prediction predict_recording(const Predictor& predictor, const Recording& recording);
 

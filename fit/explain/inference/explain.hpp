@@ -23,6 +23,7 @@ struct Inferred {
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
   std::vector<Suspect> accepted = {};    ///< What acts on something other than means and is confirmed ...
   std::vector<Suspect> undecided = {};   ///< ... and the best of every set whose best is such.
+  std::vector<Alternative> alternatives = {};  ///< The most probable first; together certain.
   std::vector<Unexplained> unknown = {};  ///< Contradictions, forms beside the means, and noise that is none.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
   std::vector<Gain> gain = {};           ///< Of every named one.

@@ -32,6 +32,19 @@ class Weighed {
       sum += list_.back().second;
     }
     for (auto& one : list_) one.second /= sum;
+    std::ranges::sort(list_, [](const auto& a, const auto& b) { return a.second > b.second; });
+  }
+
+  /// The fewest that together hold so much.
+  [[nodiscard]] std::vector<Likely> likely() const {
+    std::vector<Likely> most;
+    double held = 0;
+    for (const auto& [h, p] : list_) {
+      if (held >= numbers::set_holds) break;
+      most.push_back({*h, p});
+      held += p;
+    }
+    return most;
   }
 
   [[nodiscard]] double probability_of(const void* sort) const {
@@ -117,6 +130,7 @@ Posterior posterior_of(const Explored& explored) {
   const Weighed weighed(explored);
   const Hypothesis& best = explored.best.hypothesis;
   Posterior result;
+  result.likely = weighed.likely();
   std::vector<const void*> listed_sorts;
   for (const Term& term : best.terms) {
     const void* sort = sort_of(*term.kind);

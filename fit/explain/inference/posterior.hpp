@@ -18,10 +18,16 @@ struct Undecided {
   std::vector<std::string> also = {};  ///< What the bench file may have wrong instead.
 };
 
+struct Likely {
+  Hypothesis hypothesis;
+  double probability = 0;
+};
+
 struct Posterior {
   std::vector<Named> named;
   std::vector<Undecided> undecided;
-  std::vector<Named> forms;  ///< What the catalogue does not know.
+  std::vector<Named> forms;    ///< What the catalogue does not know.
+  std::vector<Likely> likely;  ///< The most probable first; together they hold 0.95.
 };
 
 /// What the visited hypotheses come to.

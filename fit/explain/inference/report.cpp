@@ -171,6 +171,33 @@ Unexplained contradicted(const Inferred& inferred, const Term& term, double gain
   return u;
 }
 
+/// Hypotheses that count, without what captures contradict. Those that say the same of other recordings are
+/// one: functions without a name are told of the best hypothesis alone.
+std::vector<Alternative> alternatives_of(const std::vector<Likely>& likely,
+                                         const std::vector<const Kind*>& contradicted) {
+  std::map<std::vector<const Kind*>, std::size_t> place;
+  std::vector<Alternative> list;
+  double all = 0;
+  for (const Likely& one : likely) {
+    std::vector<const Kind*> kinds;
+    Alternative alternative{one.probability, {}};
+    for (const Term& term : one.hypothesis.terms) {
+      if (term.kind->is_form() || std::ranges::count(contradicted, term.kind) > 0) continue;
+      kinds.push_back(term.kind);
+      alternative.mechanisms.push_back(as_suspect(term));
+    }
+    all += one.probability;
+    const auto [at, is_new] = place.try_emplace(kinds, list.size());
+    if (is_new)
+      list.push_back(std::move(alternative));
+    else
+      list[at->second].probability += one.probability;
+  }
+  for (Alternative& alternative : list) alternative.probability /= all;
+  std::ranges::stable_sort(list, std::ranges::greater{}, &Alternative::probability);
+  return list;
+}
+
 }  // namespace
 
 void report(const Reduced& reduced, const Inferred& inferred, Explanation& out) {
@@ -190,13 +217,17 @@ void report(const Reduced& reduced, const Inferred& inferred, Explanation& out) 
 
 void list_beside_means(Inferred& inferred) {
   std::vector<Unexplained> contradictions;
+  std::vector<const Kind*> contradicted_kinds;
   for (std::size_t i = 0; i < inferred.posterior.named.size(); ++i) {
     const Term& term = inferred.posterior.named[i].term;
-    if (!is_confirmed(inferred, i))
+    if (!is_confirmed(inferred, i)) {
       contradictions.push_back(contradicted(inferred, term, inferred.gain[i].held_out));
-    else if (!term.kind->moves_means())
+      contradicted_kinds.push_back(term.kind);
+    } else if (!term.kind->moves_means()) {
       inferred.accepted.push_back(as_suspect(term, inferred.gain[i].held_out));
+    }
   }
+  inferred.alternatives = alternatives_of(inferred.posterior.likely, contradicted_kinds);
   for (const Undecided& set : inferred.posterior.undecided) {
     const auto best = std::ranges::find_if(set.members, has_name);
     if (best != set.members.end() && !best->term.kind->moves_means())

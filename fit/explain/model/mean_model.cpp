@@ -236,6 +236,11 @@ Eigen::VectorXd MeanModel::posterior_mean() const {
   return base_mean_ + base_sigma_.cwiseProduct(factor_.solve(along_));
 }
 
+double MeanModel::log_occam() const {
+  return factor_.solve(along_).squaredNorm() / 2 +
+         factor_.matrixLLT().diagonal().array().log().sum();  // half the logarithm of the determinant
+}
+
 Eigen::VectorXd MeanModel::residual() const {
   const Eigen::VectorXd white = centred_ - base_ * factor_.solve(along_);
   // Correlated parts stay in; only the scale goes back to millimetres.

@@ -87,6 +87,8 @@ class MeanModel final : public model::Rows {
 
   /// Of the base's coefficients.
   [[nodiscard]] Eigen::VectorXd posterior_mean() const;
+  /// What the log-likelihood there is more than integrated over the base's prior.
+  [[nodiscard]] double log_occam() const;
   /// What the base cannot take up of an effect, mm; its priors resist.
   [[nodiscard]] Eigen::VectorXd remainder(const Eigen::VectorXd& column_mm) const;
   /// Residual means less the base's best fit, mm.

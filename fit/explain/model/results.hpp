@@ -18,6 +18,12 @@ struct Suspect {
   double gain = 0;  ///< Of the log-likelihood.
 };
 
+/// One of the hypotheses that count, as far as it says what happens in other recordings.
+struct Alternative {
+  double probability = 1;
+  std::vector<Suspect> mechanisms;
+};
+
 /// Something that no mechanism of the catalogue explains.
 struct Unexplained {
   Observable observable = Observable::range_mean;
