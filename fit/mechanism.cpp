@@ -131,6 +131,12 @@ Parameter time_of(const char* name, double expected_s) {
 Parameter begins_at() { return time_of("from_s", -ever_s).on(Parameter::Scale::from); }
 Parameter ends_at() { return time_of("to_s", ever_s); }
 
+bool Mechanism::happened_once(std::span<const double> values) const {
+  const auto from = parameter_of(Parameter::Scale::from);
+  return parameter_of(Parameter::Scale::moment) ||
+         (from && (values[*from] > -ever_s || values[*from + 1] < ever_s));
+}
+
 double Parameter::left_out() const {
   return role == Role::shape && expected == 0 ? std::clamp(0.0, lower, upper) : expected;
 }

@@ -36,6 +36,7 @@ struct Circumstances {
   double stage_rad = 0;      ///< Commanded.
   double bearing_rad = 0;    ///< Of the beam in the world frame.
   double time_s = 0;         ///< Since power-on.
+  double clock_s = 0;  ///< The same by one clock for several recordings, of which none overlaps another.
   double temperature_k = 0;  ///< Minus the session's reference temperature; NaN without a thermometer.
   double since_move_s = 0;   ///< From the end of the stage's last move to this scan.
   double beam_time_s = 0;    ///< From the scan's time stamp to this beam.
@@ -293,10 +294,9 @@ struct Mechanism {
   std::string separate;
 
   [[nodiscard]] std::vector<double> values(const std::map<std::string, Estimate>& parameters) const;
-  /// Whether it is an accident of the session that was recorded, and no trait of lidar or bench.
-  [[nodiscard]] bool happened_once() const {
-    return only_for_a_while || parameter_of(Parameter::Scale::moment).has_value();
-  }
+  /// Whether it is an accident of the session that was recorded, and no trait of lidar or bench: it came or
+  /// went then.
+  [[nodiscard]] bool happened_once(std::span<const double> values) const;
   /// Index of the parameter that measures such a scale, if there is one.
   [[nodiscard]] std::optional<std::size_t> parameter_of(Parameter::Scale scale) const;
 };

@@ -227,7 +227,7 @@ class ModelEngine : public Engine {
     intensity = 0;
     fit::Circumstances& c = sights_[step];
     if (c.target < 0) return;
-    c.time_s = scan_s - on_since_s_ + c.beam_time_s;
+    c.clock_s = c.time_s = scan_s - on_since_s_ + c.beam_time_s;
     c.temperature_k = temperature_c_ - first_temperature_c_;
     c.since_move_s = last_move_.since_s(scan_s + c.beam_time_s);
     c.approach = last_move_.approach();

@@ -32,7 +32,8 @@ struct Block {
 class Memory final : public model::NormalRows {
  public:
   explicit Memory(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
-    const Circumstances anywhere{.time_s = std::numeric_limits<double>::quiet_NaN()};
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    const Circumstances anywhere{.time_s = unknown, .clock_s = unknown};
     std::vector<Row> rows;
     for (std::size_t b = 0; b < blocks_.size(); ++b)
       for (std::size_t k = 0; k < blocks_[b].bands.size(); ++k) {

@@ -324,7 +324,8 @@ Predictor predictor_of(Reduced& reduced, const MeanResult& means,
       if (is_constant_noise(*suspect.mechanism)) continue;
       const KnownMechanism known = as_known(*suspect.mechanism, suspect.parameters, name_of(suspect.target));
       add_known(reduced.bench, known);
-      if (!suspect.mechanism->happened_once()) description.mechanisms.push_back(known);
+      if (!suspect.mechanism->happened_once(suspect.mechanism->values(suspect.parameters)))
+        description.mechanisms.push_back(known);
     }
     Hypothesis found(reduced.bench);
     found.nuisance = means.best.nuisance;

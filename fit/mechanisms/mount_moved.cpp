@@ -17,7 +17,7 @@ Mechanism make_mount_moved() {
       {.name = "yaw_deg", .typical = 0.3, .largest = 20},
       {.name = "from_s", .role = Parameter::Role::shape, .scale = Parameter::Scale::moment, .upper = 1e8}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    if (c.time_s < p[3]) return Effect{};
+    if (c.clock_s < p[3]) return Effect{};
     return Effect{.beam_rad = p[2] * rad_per_deg, .origin_mm = on_stage_mm(c, p[0], p[1])};
   };
   m.looks_like = {"target-moved", "warm-up"};  // before one target

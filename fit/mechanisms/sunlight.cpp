@@ -60,7 +60,7 @@ Mechanism make_sunlight() {
                    .scale = Parameter::Scale::choice,
                    .generalises = true}};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
+    if (c.clock_s < p[3] || c.clock_s > p[4]) return Effect{};
     const double light = share_of_sector(away_deg(c, p[1], p[8]) / p[2], p[7]);
     if (light == 0) return Effect{};
     const double weak =

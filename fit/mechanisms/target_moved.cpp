@@ -21,7 +21,7 @@ Mechanism make_target_moved() {
                   begins_at(),
                   ends_at()};
   m.act = [](const Circumstances& c, std::span<const double> p) {
-    if (c.time_s < p[3] || c.time_s > p[4]) return Effect{};
+    if (c.clock_s < p[3] || c.clock_s > p[4]) return Effect{};
     const double turned_mm = c.round ? 0 : c.along_sign * c.along_mm * p[1] * rad_per_deg;
     return Effect{.range_mm = range_of_move(c, p[0] - turned_mm, p[2])};
   };

@@ -55,6 +55,24 @@ std::string on_worse_held_out(const Explanation& out) {
          "what its description says.";
 }
 
+/// Something came or went in one of several recordings that each count their time from the same beginning.
+bool is_dated(const Explanation& out) {
+  return std::ranges::any_of(out.mechanisms, [](const Found& found) {
+    return found.mechanism->happened_once(found.mechanism->values(found.parameters));
+  });
+}
+
+std::string on_clock(const std::vector<double>& later_s) {
+  std::vector<std::string> list;
+  for (std::size_t i = 0; i < later_s.size(); ++i)
+    if (later_s[i] != 0)
+      list.push_back(rounded(later_s[i], 3) + " s to those of recording " + std::to_string(i + 1));
+  return "Recordings that count their time from the same beginning are taken one after the other. To times "
+         "at "
+         "which something came or went, this adds " +
+         listed(list) + ".";
+}
+
 constexpr const char* on_few_stops =
     "The held-out figures say only how well the bench file knows where lidar and targets stand: the stops "
     "are too few to learn it from some and predict the others. What they have in common cannot be told "
@@ -121,6 +139,8 @@ void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation
   if (placed_by_bench_alone(means, out)) note(on_few_stops);
   if (means.is_worse_held_out()) note(on_worse_held_out(out));
   if (means.excess > 1) note(on_excess(means.excess));
+  if (is_dated(out) && std::ranges::any_of(reduced.later_s, [](double s) { return s != 0; }))
+    note(on_clock(reduced.later_s));
   if (const EndOfCounts end(reduced); is_anything_found(out) && end.is_reached()) note(end.in_words());
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : inferred.accepted)

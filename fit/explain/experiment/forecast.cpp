@@ -24,7 +24,7 @@ struct Known {
   std::vector<Active> at_work, uncertain;
 
   explicit Known(const Bench& bench) : at_work(known_to_be_at_work(bench)) {
-    std::erase_if(at_work, [](const Active& known) { return known.mechanism->happened_once(); });
+    std::erase_if(at_work, [](const Active& known) { return known.mechanism->happened_once(known.values); });
     uncertain = at_work;
     std::erase_if(uncertain, [](const Active& known) { return bool(known.mechanism->displaces); });
   }

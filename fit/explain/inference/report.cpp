@@ -128,7 +128,7 @@ void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& n
     if (kind->is_form()) {
       if (kind->moves_means() && !kind->form->form->happened_then && functions.insert(kind).second)
         out.unnamed_suspects.push_back(seen(as_shape(member.term), MeanModel(reduced, noise)));
-    } else if (kind->mechanism->happened_once()) {
+    } else if (kind->mechanism->happened_once(member.term.values)) {
       continue;  // no experiment repeats it
     } else if (kind->moves_means()) {
       out.suspects.push_back(as_active(member.term));

@@ -54,7 +54,7 @@ std::vector<double> moments_in(const ListOfChannels& channels) {
   std::vector<double> times;
   for (const auto& channel : channels)
     for (Index i = 0; channel && channel->sees(Coordinate::time) && i < channel->rows(); ++i)
-      if (const double time_s = channel->at(i).time_s; std::isfinite(time_s)) times.push_back(time_s);
+      if (const double clock_s = channel->at(i).clock_s; std::isfinite(clock_s)) times.push_back(clock_s);
   return places_between(std::move(times), most_moments);
 }
 

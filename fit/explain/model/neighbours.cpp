@@ -112,6 +112,7 @@ std::vector<SectorScatter> sector_scatter(const Reduced& reduced, int fewest_sca
     if (sum.n == 0) {
       sum.capture = group.capture;
       sum.at.time_s = group.time_s;
+      sum.at.clock_s = group.clock_s;
       sum.at.stage_rad = group.stage_rad;
       sum.at.approach = s.approach;
       sum.at.since_move_s = s.since_move_s;

@@ -193,6 +193,7 @@ std::vector<ScanPart> scan_parts(const Reduced& reduced, int fewest_scans, int p
     one.capture = group.capture;
     one.scans = group.scans;
     one.at.time_s = group.time_s;
+    one.at.clock_s = group.clock_s;
     one.at.stage_rad = group.stage_rad;
     one.at.approach = s.approach;
     one.at.since_move_s = part.since_move_s / part.w;

@@ -21,6 +21,7 @@ Circumstances circumstances(const Reduced& session, const Setting& setting, cons
   c.beam_rad = cell.beam_rad;
   c.stage_rad = group.stage_rad;
   c.time_s = group.time_s;
+  c.clock_s = group.clock_s;
   c.temperature_k =
       capture.temperature_c ? *capture.temperature_c - session.reference_temperature_c : unknown;
   c.beam_time_s = beam_s;

@@ -60,6 +60,22 @@ void begin(const Recording& recording, const Standing& standing, Reduced& out) {
   for (Cell& cell : out.cells) cell.at.temperature_k += before_c - out.reference_temperature_c;
 }
 
+/// Since power-on; since the session began where nobody knows.
+double began_s(const CaptureInfo& capture) {
+  return capture.since_power_on_s.value_or(static_cast<double>(capture.started_us) * 1e-6);
+}
+
+/// By how much a recording is taken later than it says, so that none overlaps another: each may count from
+/// zero.
+double later_than_stated_s(const std::vector<CaptureInfo>& captures, const std::vector<Group>& before) {
+  constexpr double pause_s = 60;
+  if (before.empty() || captures.empty()) return 0;
+  const auto [first, last] = std::ranges::minmax(captures, {}, began_s);
+  const auto [earliest, latest] = std::ranges::minmax(before, {}, &Group::clock_s);
+  if (began_s(first) > latest.clock_s || began_s(last) < earliest.clock_s - pause_s) return 0;
+  return latest.clock_s + pause_s - began_s(first);
+}
+
 /// Reads one capture's scans into blocks and reduces each.
 class Reducer {
  public:
@@ -70,7 +86,10 @@ class Reducer {
         first_capture_(out.captures.size() - recording.captures().size()),
         as_stated_(recording.bench()),
         keep_samples_(keep_samples),
-        turns_(recording.bench().lidar.scan_hz) {}
+        turns_(recording.bench().lidar.scan_hz),
+        later_s_(later_than_stated_s(recording.captures(), out.groups)) {
+    out_.later_s.push_back(later_s_);
+  }
 
   void capture(std::size_t index) {
     const std::size_t capture = first_capture_ + index;
@@ -128,7 +147,8 @@ class Reducer {
     group.capture = static_cast<int>(capture);
     group.scans = block.scans;
     group.stage_rad = info.stage_rad + (is_turning(info) ? info.stage_rate_rad_s * middle_s : 0);
-    group.time_s = info.since_power_on_s.value_or(static_cast<double>(info.started_us) * 1e-6) + middle_s;
+    group.time_s = began_s(info) + middle_s;
+    group.clock_s = group.time_s + later_s_;
     group.first_cell = out_.cells.size();
     return group;
   }
@@ -166,6 +186,7 @@ class Reducer {
   Nuisance as_stated_;
   bool keep_samples_;
   TurnCounter turns_;
+  double later_s_;
   RepeatedScans again_;
   std::optional<double> through_rad_;  // a beam of the recording's first scan: the same columns throughout
 };

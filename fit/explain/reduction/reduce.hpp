@@ -91,7 +91,7 @@ struct Group {
   int capture = 0;
   int scans = 0;
   double stage_rad = 0;
-  double time_s = 0;
+  double time_s = 0, clock_s = 0;  ///< As in Circumstances.
   double sigma_mm = 0;  ///< Robust spread of a sample.
   /// Sums over cells and scans of d_t d_(t+k), mm^2, for the lags k of every band, d the deviation from the
   /// cell's mean less that of its scan; and of (d_t d_(t+1))^2, mm^4.
@@ -173,6 +173,7 @@ struct Reduced {
   std::vector<int> unmet;       ///< Targets that hardly a beam meets where the bench file has them.
   long samples = 0;
   double reference_temperature_c = 0;
+  std::vector<double> later_s;  ///< Of every recording, by how much later than it says its clock is taken.
   bool has_intensity = false;          ///< Otherwise cells have the echo that the bench file lets expect.
   OutputSteps output_steps;            ///< In which ranges come.
   std::optional<double> wave_hz;       ///< What a lamp or a supply does at that frequency was taken off.

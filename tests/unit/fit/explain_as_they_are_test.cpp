@@ -42,8 +42,9 @@ struct Device {
   double lost = 0;          ///< Share of echoes.
 };
 
-/// The room from 16 stage angles that keep no step.
-Explanation explained(const Device& device, long scans) {
+/// The room from 16 stage angles that keep no step; `beside`: and once more in another session, whose time
+/// counts anew.
+Explanation explained(const Device& device, long scans, const Device* beside = nullptr) {
   constexpr double sigma_mm = 3;
   const fit::Bench bench = plain_bench::bench_of_room(R"("steps": 271, "front_step": 135, "step_deg": 1)",
                                                       R"({"value": 3, "u": 0.3})");
@@ -51,27 +52,32 @@ Explanation explained(const Device& device, long scans) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> share(0, 1);
   std::vector<double> noise(271, 0.0);
-  SyntheticRecording recording(bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range,
-                                          auto&) {
-    if (device.is_again(seq)) return;  // it is as it was
+  const auto scan_of = [&](const Device& one, const fit::CaptureInfo& capture, std::int64_t seq,
+                           std::vector<std::uint16_t>& range) {
+    if (one.is_again(seq)) return;  // it is as it was
     for (std::size_t k = 0; k < range.size(); ++k) {
-      const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : device.rho;
+      const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : one.rho;
       noise[k] = rho * noise[k] + std::sqrt(1 - rho * rho) * sigma_mm * normal(random);
       const double time_s = *capture.since_power_on_s;
       const auto met =
-          plain_bench::look(plain_bench::room, device.mount(time_s), capture.stage_rad, beam,
-                            {.stage_rad = device.stage_rad(capture.stage_rad) +
-                                          device.stage_drift_rad(time_s + 0.025 * static_cast<double>(seq))});
+          plain_bench::look(plain_bench::room, one.mount(time_s), capture.stage_rad, beam,
+                            {.stage_rad = one.stage_rad(capture.stage_rad) +
+                                          one.stage_drift_rad(time_s + 0.025 * static_cast<double>(seq))});
       const double bearing = capture.stage_rad + beam, x = met->range_mm * std::cos(bearing),
                    y = met->range_mm * std::sin(bearing),
-                   wall = device.wall_mm(x, y) + device.out_mm(x, y, time_s) / std::cos(met->incidence_rad);
+                   wall = one.wall_mm(x, y) + one.out_mm(x, y, time_s) / std::cos(met->incidence_rad);
       const int at = static_cast<int>(k);
-      const double mm = met->range_mm + wall + noise[k] + (k % 2 != 0 ? device.odd_beams_mm : 0);
-      range[k] = device.is_dead(at) || share(random) < device.lost || at >= device.beams_of(seq)
+      const double mm = met->range_mm + wall + noise[k] + (k % 2 != 0 ? one.odd_beams_mm : 0);
+      range[k] = one.is_dead(at) || share(random) < one.lost || at >= one.beams_of(seq)
                      ? std::uint16_t{0}
-                     : static_cast<std::uint16_t>(std::lround(device.delivers(at, time_s, mm)));
+                     : static_cast<std::uint16_t>(std::lround(one.delivers(at, time_s, mm)));
     }
-  });
+  };
+  const auto recorded_by = [&](const Device& one) {
+    return SyntheticRecording(bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range,
+                                         auto&) { scan_of(one, capture, seq, range); });
+  };
+  SyntheticRecording recording = recorded_by(device), other = recorded_by(beside ? *beside : device);
   for (int i = 0; i < 16; ++i) {
     fit::CaptureInfo capture;
     capture.stage_rad = std::remainder(138.7 * i + 37 * std::sin(5.0 * i), 360) * degree;
@@ -79,7 +85,9 @@ Explanation explained(const Device& device, long scans) {
     capture.last_step = 270;
     capture.since_power_on_s = 100 + 20 * i;
     recording.add(capture, scans);
+    other.add(capture, scans);
   }
+  if (beside) return fit::explain::explain({&recording, &other}, {});
   return fit::explain::explain({&recording}, {});
 }
 
@@ -263,6 +271,22 @@ TEST_CASE("a wall that is pushed and put back is told as that") {
   CHECK(found.at("offset_mm").value == Approx(-4).margin(0.5));
   CHECK(found.at("from_s").value == Approx(170).margin(10));
   CHECK(found.at("to_s").value == Approx(270).margin(10));
+}
+
+TEST_CASE("a wall that is pushed in one session is told as that beside another one in which it is not") {
+  const Device pushed{
+      .out_mm = [](double, double y,
+                   double time_s) { return y > 3099.9 && time_s > 170 && time_s < 270 ? -4.0 : 0.0; }},
+      still;
+  const Explanation e = explained(pushed, 12, &still);
+  INFO(to_text(e));
+  REQUIRE(e.mechanisms.size() == 1);
+  REQUIRE(e.mechanisms.front().mechanism->id == "target-moved");
+  const auto& found = e.mechanisms.front().parameters;
+  CHECK(found.at("offset_mm").value == Approx(-4).margin(0.5));
+  CHECK(found.at("from_s").value == Approx(170).margin(10));
+  CHECK(found.at("to_s").value == Approx(270).margin(10));
+  CHECK_THAT(to_text(e), Catch::Contains("one after the other"));
 }
 
 TEST_CASE("beams that return nothing wherever they look are left out, and are no light and no weak echo") {

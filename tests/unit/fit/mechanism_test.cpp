@@ -42,7 +42,7 @@ struct Beam {
     c.cos_incidence = std::cos(i);
     c.beam_rad = a;
     c.stage_rad = th;
-    c.time_s = t;
+    c.clock_s = c.time_s = t;
     c.temperature_k = T;
     c.since_move_s = since_move;
     c.beam_time_s = s;
