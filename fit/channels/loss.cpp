@@ -6,6 +6,7 @@
 
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/numbers.hpp"
+#include "fit/explain/reduction/expected_echo.hpp"
 #include "fit/explain/reduction/margins.hpp"
 #include "fit/numeric/angle.hpp"
 
@@ -80,38 +81,20 @@ class Losses final : public model::Counts {
   }
 };
 
-/// How strong an echo is expected, by the echoes that came back: a power of the range, of the incidence's
-/// cosine and of the surface's reflectance (the radar equation, with exponents of this receiver).
-class ExpectedEcho {
- public:
-  explicit ExpectedEcho(const std::vector<model::IndependentRows::Row>& rows) {
-    Eigen::Matrix4d square =
-        Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();  // exponents near those of a plain receiver
-    Eigen::Vector4d along = square * Eigen::Vector4d(0, -2, 1, 1);
-    for (const auto& row : rows) {
-      if (!(row.at.intensity > 0)) continue;
-      const Eigen::Vector4d x = powers(row);
-      square += x * x.transpose();
-      along += x * std::log(row.at.intensity);
-      darkest_ = std::min(darkest_, row.at.intensity);
-    }
-    exponents_ = square.ldlt().solve(along);
+/// Where nothing came back the echo is as strong as the others make it expected, and no stronger than the
+/// weakest of them.
+void expect_lost_echoes(std::vector<model::IndependentRows::Row>& rows) {
+  reduction::ExpectedEcho expected;
+  double weakest = std::numeric_limits<double>::infinity();
+  for (const auto& row : rows) {
+    if (!(row.at.intensity > 0)) continue;
+    expected.add(row.at);
+    weakest = std::min(weakest, row.at.intensity);
   }
-  /// Not brighter than what did come back; NaN where nothing ever did.
-  [[nodiscard]] double operator()(const model::IndependentRows::Row& row) const {
-    return std::isfinite(darkest_) ? std::min(darkest_, std::exp(exponents_.dot(powers(row))))
-                                   : row.at.intensity;
-  }
-
- private:
-  [[nodiscard]] static Eigen::Vector4d powers(const model::IndependentRows::Row& row) {
-    return {1, std::log(std::max(1.0, row.at.range_mm) / 1000),
-            std::log(std::max(0.05, row.at.cos_incidence)), std::log(std::max(0.001, row.at.reflectance))};
-  }
-
-  double darkest_ = std::numeric_limits<double>::infinity();
-  Eigen::Vector4d exponents_ = Eigen::Vector4d::Zero();
-};
+  for (auto& row : rows)
+    if (!std::isfinite(row.at.intensity) && std::isfinite(weakest))
+      row.at.intensity = std::min(weakest, expected(row.at));
+}
 
 }  // namespace
 
@@ -136,9 +119,7 @@ model::ChannelKind make_loss() {
           return true;
         },
         enough);
-    const ExpectedEcho expected(rows);
-    for (auto& row : rows)
-      if (!std::isfinite(row.at.intensity)) row.at.intensity = expected(row);
+    expect_lost_echoes(rows);
     if (rows.empty()) return nullptr;
     return std::make_unique<Losses>(std::move(rows));
   };

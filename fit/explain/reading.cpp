@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/reduction/expected_echo.hpp"
 #include "fit/explain/reduction/left_out.hpp"
 #include "fit/explain/reduction/occluders.hpp"
 #include "fit/explain/reduction/range_limit.hpp"
@@ -249,6 +250,7 @@ Reading::Reading(const std::vector<const Recording*>& recordings, const Progress
   const std::string note_on_openings = note_on(reduction::leave_out_openings(reduced_), reduced_.bench);
   reduction::leave_out_unmet_targets(reduced_);
   reduction::steady_echoes(reduced_);
+  reduction::expect_beyond_end_of_counts(reduced_);
   const std::string note_on_absent = note_on(reduction::leave_out_absent_targets(reduced_), reduced_.bench);
   for (const std::string& note :
        {note_on_places, on_readback, note_on_things, note_on_dead_beams(dead), note_on_odd_beams(odd),

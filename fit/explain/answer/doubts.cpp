@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "fit/explain/answer/chapters.hpp"
+#include "fit/explain/reduction/expected_echo.hpp"
 #include "fit/numeric/angle.hpp"
 
 namespace fit::explain::answer {
@@ -88,45 +89,14 @@ std::string on_rounded_angles(double grid_deg) {
          rounded(grid_deg, 3) + " deg / sqrt(12) = " + rounded(grid_deg / std::sqrt(12.0), 3) + " deg.";
 }
 
-/// Cells that show the most counts of all, alike, though geometry makes their echoes differ: counts end
-/// there.
-struct EndOfCounts {
-  double counts = 0;
-  int cells = 0, below = 0;
-  double weakest = 1e300, strongest = 0;  ///< Power of their echoes, any unit.
-
-  explicit EndOfCounts(const Reduced& reduced) {
-    constexpr double alike = 0.99, well_below = 0.9;
-    for (const Cell& cell : reduced.cells)
-      if (counts_of(cell) > counts) counts = counts_of(cell);
-    for (const Cell& cell : reduced.cells) {
-      if (!(counts_of(cell) > 0)) continue;
-      below += counts_of(cell) < well_below * counts;
-      if (counts_of(cell) < alike * counts) continue;
-      ++cells;
-      const double power = cell.at.reflectance * cell.at.cos_incidence / std::pow(cell.at.range_mm, 2);
-      weakest = std::min(weakest, power);
-      strongest = std::max(strongest, power);
-    }
-  }
-  [[nodiscard]] bool is_reached() const {
-    constexpr int fewest = 20;
-    constexpr double clearly = 1.3;  // times as strong
-    return cells >= fewest && below >= fewest && strongest > clearly * weakest;
-  }
-  [[nodiscard]] std::string in_words() const {
-    return "Counts end at " + rounded(counts, 4) + ": " + std::to_string(cells) +
-           " cells show as many, though their echoes differ by a factor of " +
-           rounded(strongest / weakest, 2) +
-           " by distance, incidence and reflectance. The receiver clips there. What lies off in these cells "
-           "alone may be its saturation, whatever it is called here; put a grey filter over what is bright.";
-  }
-
- private:
-  [[nodiscard]] static double counts_of(const Cell& cell) {
-    return cell.usable && cell.n > 1 && std::isfinite(cell.counts) ? cell.counts : 0;
-  }
-};
+std::string on_end_of_counts(const reduction::EndOfCounts& end) {
+  return "Counts end at " + rounded(end.counts, 4) + ": " + std::to_string(end.cells) +
+         " cells show as many, though their echoes differ by a factor of " +
+         rounded(end.strongest / end.weakest, 2) +
+         " by distance, incidence and reflectance. The receiver clips there: these echoes were taken to be "
+         "as "
+         "strong as that makes them. Put a grey filter over what is bright to see them.";
+}
 
 }  // namespace
 
@@ -141,7 +111,8 @@ void report_doubts(const Reduced& reduced, const Inferred& inferred, Explanation
   if (means.excess > 1) note(on_excess(means.excess));
   if (is_dated(out) && std::ranges::any_of(reduced.later_s, [](double s) { return s != 0; }))
     note(on_clock(reduced.later_s));
-  if (const EndOfCounts end(reduced); is_anything_found(out) && end.is_reached()) note(end.in_words());
+  if (const reduction::EndOfCounts end(reduced); is_anything_found(out) && end.is_reached())
+    note(on_end_of_counts(end));
   const double grid_deg = reduced.bench.lidar.step_rad * deg_per_rad;
   for (const Suspect& suspect : inferred.accepted)
     if (suspect.mechanism->id == "angle-jitter" && is_rounding(suspect.parameters.at("sigma_deg"), grid_deg))

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "fit/explain/explanation.hpp"
+#include "fit/explain/reading.hpp"
 #include "fit/known_mechanisms.hpp"
 #include "plain_scenes.hpp"
 
@@ -137,6 +138,24 @@ TEST_CASE("where counts end whatever comes back, the answer says so beside what 
   };
   CHECK(note_of(recording).empty());
   CHECK_THAT(note_of(Clipped(recording, 1000)), Catch::StartsWith("Counts end at 1000: "));
+}
+
+TEST_CASE("where counts have ended, echoes are as strong as distance and incidence make them") {
+  constexpr double end_of_counts = 1000;
+  SyntheticRecording recording =
+      recorded(furnished_room(), 5, [](double, double, double) { return Deviation{}; });
+  turn_round(recording, furnished_room());
+  const Clipped clipped(recording, end_of_counts);
+  const fit::explain::Reduced reduced = fit::explain::Reading({&clipped}, {}).take_reduced();
+  int beyond = 0;
+  for (const fit::explain::Cell& cell : reduced.cells) {
+    if (!cell.usable || cell.counts < end_of_counts) continue;
+    const double counts = 3e6 * cell.at.cos_incidence / cell.at.range_mm;
+    if (counts < 1.2 * end_of_counts) continue;
+    ++beyond;
+    CHECK(cell.at.intensity == Approx(counts).epsilon(0.05));
+  }
+  CHECK(beyond > 100);
 }
 
 }  // namespace explain_known_test
