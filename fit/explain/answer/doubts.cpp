@@ -67,11 +67,10 @@ std::string on_clock(const std::vector<double>& later_s) {
   std::vector<std::string> list;
   for (std::size_t i = 0; i < later_s.size(); ++i)
     if (later_s[i] != 0)
-      list.push_back(rounded(later_s[i], 3) + " s to those of recording " + std::to_string(i + 1));
-  return "Recordings that count their time from the same beginning are taken one after the other. To times "
-         "at "
-         "which something came or went, this adds " +
-         listed(list) + ".";
+      list.push_back(rounded(later_s[i], 3) + " s to the times of recording " + std::to_string(i + 1));
+  return "Recordings that count their time from the same beginning are taken one after the other. "
+         "This adds " +
+         listed(list) + ", wherever it is said when something came or went.";
 }
 
 constexpr const char* on_few_stops =
@@ -93,9 +92,8 @@ std::string on_end_of_counts(const reduction::EndOfCounts& end) {
   return "Counts end at " + rounded(end.counts, 4) + ": " + std::to_string(end.cells) +
          " cells show as many, though their echoes differ by a factor of " +
          rounded(end.strongest / end.weakest, 2) +
-         " by distance, incidence and reflectance. The receiver clips there: these echoes were taken to be "
-         "as "
-         "strong as that makes them. Put a grey filter over what is bright to see them.";
+         " by distance, incidence and reflectance. The receiver clips there, and these echoes were taken "
+         "as that makes them. Put a grey filter over what is bright to see them.";
 }
 
 }  // namespace
