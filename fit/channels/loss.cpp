@@ -2,7 +2,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "fit/explain/model/counts.hpp"
 #include "fit/explain/numbers.hpp"
@@ -84,16 +83,14 @@ class Losses final : public model::Counts {
 /// Where nothing came back the echo is as strong as the others make it expected, and no stronger than the
 /// weakest of them.
 void expect_lost_echoes(std::vector<model::IndependentRows::Row>& rows) {
-  reduction::ExpectedEcho expected;
-  double weakest = std::numeric_limits<double>::infinity();
-  for (const auto& row : rows) {
-    if (!(row.at.intensity > 0)) continue;
-    expected.add(row.at);
-    weakest = std::min(weakest, row.at.intensity);
-  }
+  std::vector<const Circumstances*> known;
+  for (const auto& row : rows)
+    if (row.at.intensity > 0) known.push_back(&row.at);
+  if (known.empty()) return;
+  const reduction::ExpectedEcho expected(known);
+  const double weakest = (*std::ranges::min_element(known, {}, &Circumstances::intensity))->intensity;
   for (auto& row : rows)
-    if (!std::isfinite(row.at.intensity) && std::isfinite(weakest))
-      row.at.intensity = std::min(weakest, expected(row.at));
+    if (!std::isfinite(row.at.intensity)) row.at.intensity = std::min(weakest, expected(row.at));
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -13,6 +12,7 @@
 #include <utility>
 
 #include "fit/bench/empirical.hpp"
+#include "fit/explain/model/gaussian.hpp"
 #include "fit/explain/reading.hpp"
 #include "fit/explain/scene/stated_noise.hpp"
 
@@ -52,11 +52,6 @@ bool states(const Bench& bench, const KnownMechanism& found) {
   return std::ranges::any_of(bench.known, [&](const KnownMechanism& known) {
     return known.mechanism == found.mechanism && known.texts == found.texts;
   });
-}
-
-double log_sum(double a, double b) {
-  const double most = std::max(a, b);
-  return std::isfinite(most) ? most + std::log(std::exp(a - most) + std::exp(b - most)) : most;
 }
 
 /// Squares of a cell's samples about what was predicted, and the variance that is known of each.
@@ -180,7 +175,10 @@ class PredictiveDistribution {
     for (int pass = 0; pass < 4; ++pass) {
       predict(reduced_, there_, at_work_, false);
       pool(constant.mm * constant.mm);
-      there_.set(there_.as_vector() + with_base(placed()).posterior_mean());
+      MeanModel model(reduced_, {});
+      const Columns places = nuisance_columns(model, there_);
+      model.set_base(places.columns, places.prior);
+      there_.set(there_.as_vector() + model.posterior_mean());
     }
     predict(reduced_, there_, at_work_, false);
     reassign(reduced_, there_, at_work_, 0);
@@ -200,9 +198,11 @@ class PredictiveDistribution {
       return list;
     };
     pool(constant_.mm * constant_.mm);
-    Columns all = placed();
-    const Eigen::MatrixXd open = left_open();
-    const MeanModel stated = with_base(all);
+    MeanModel stated(reduced_, {});
+    Columns all = nuisance_columns(stated, there_);
+    const Eigen::MatrixXd open = uncertainty_columns(stated, known_terms(reduced_.bench)).columns;
+    stated.set_base(all.columns, all.prior);
+    // What one standard uncertainty of each value and deviation makes of the means beside the places.
     Eigen::VectorXd u2 = Eigen::VectorXd::Zero(stated.rows());
     for (Eigen::Index k = 0; k < open.cols(); ++k) u2 += stated.remainder(open.col(k)).cwiseAbs2();
     u2_mm2_ = by_cell(stated, u2);
@@ -214,7 +214,8 @@ class PredictiveDistribution {
     for (Cell& cell : reduced_.cells)
       if (cell.usable) cell.pooled_mm2 = variance_mm2(cell);
     all.append(open, Prior::around_zero(open.cols()));
-    const MeanModel fitted = with_base(all);
+    MeanModel fitted(reduced_, {});
+    fitted.set_base(all.columns, all.prior);
     log_occam_ += fitted.log_occam();
     const std::vector<double> shift_mm = by_cell(fitted, all.columns * fitted.posterior_mean());
     density_.assign(reduced_.cells.size(), 0.0);
@@ -240,16 +241,6 @@ class PredictiveDistribution {
   }
   [[nodiscard]] double variance_mm2(const Cell& cell) const {
     return of_capture_.at(reduced_.group_of(cell).capture).variance_mm2 + variance_of_sample(known_, cell);
-  }
-  [[nodiscard]] MeanModel with_base(const Columns& columns) const {
-    MeanModel model(reduced_, {});
-    model.set_base(columns.columns, columns.prior);
-    return model;
-  }
-  [[nodiscard]] Columns placed() const { return nuisance_columns(MeanModel(reduced_, {}), there_); }
-  /// What one standard uncertainty of each value and deviation makes of the means, mm.
-  [[nodiscard]] Eigen::MatrixXd left_open() const {
-    return uncertainty_columns(MeanModel(reduced_, {}), known_terms(reduced_.bench)).columns;
   }
   [[nodiscard]] double log_density(const Cell& cell, double shift_mm) const {
     const double variance = variance_mm2(cell), mean = cell.nominal_mm + shift_mm;
@@ -369,14 +360,13 @@ Prediction predict_recording(const Predictor& predictor, const Recording& record
     throw std::invalid_argument(
         "every beam of the recording to be predicted is near an edge, or grazing. Describe wider targets");
   before.integrate();
-  double log_after = -std::numeric_limits<double>::infinity(), most = log_after;
-  const PredictiveDistribution* best = nullptr;
+  std::vector<double> joint;
   for (std::size_t k = 0; k < after.size(); ++k) {
     after[k].integrate();
-    const double joint = std::log(probabilities[k]) + after[k].log_likelihood();
-    log_after = log_sum(log_after, joint);
-    if (joint > most || !best) most = joint, best = &after[k];
+    joint.push_back(std::log(probabilities[k]) + after[k].log_likelihood());
   }
+  const double log_after = inference::log_sum(joint);
+  const auto best = after.begin() + (std::ranges::max_element(joint) - joint.begin());
   constexpr std::array certain{1.0};
   Score first, last;
   double gains = 0, gains2 = 0;

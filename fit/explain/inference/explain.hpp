@@ -21,8 +21,7 @@ struct Inferred {
   MeanResult means;  ///< The best hypothesis' part in the means, with the held-out figures of all channels.
   double sigma_mm = 0;                   ///< Constant noise of one sample.
   std::vector<SpreadCurve> curves = {};  ///< Of what is beside the means, where something was found.
-  std::vector<Suspect> accepted = {};    ///< What acts on something other than means and is confirmed ...
-  std::vector<Suspect> undecided = {};   ///< ... and the best of every set whose best is such.
+  std::vector<Suspect> accepted = {};    ///< What acts on something other than means and is confirmed.
   std::vector<Alternative> alternatives = {};  ///< The most probable first; together certain.
   std::vector<Unexplained> unknown = {};  ///< Contradictions, forms beside the means, and noise that is none.
   std::vector<Active> of_scans = {};     ///< What the best hypothesis says of scans of a capture.
@@ -42,7 +41,8 @@ struct Inferred {
 /// `noise`: of the means. The cells of `reduced` are left predicted at the best hypothesis.
 [[nodiscard]] Inferred infer(Reduced& reduced, const MeanNoise& noise, const Progress& progress);
 
-/// Lists what is accepted and undecided beside the means, and adds what is contradicted to the unknown.
+/// Lists what is accepted beside the means and what predicts other recordings, and adds what is contradicted
+/// to the unknown.
 void list_beside_means(Inferred& inferred);
 
 /// Tells it: mechanisms and undecided sets.

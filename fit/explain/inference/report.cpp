@@ -228,11 +228,6 @@ void list_beside_means(Inferred& inferred) {
     }
   }
   inferred.alternatives = alternatives_of(inferred.posterior.likely, contradicted_kinds);
-  for (const Undecided& set : inferred.posterior.undecided) {
-    const auto best = std::ranges::find_if(set.members, has_name);
-    if (best != set.members.end() && !best->term.kind->moves_means())
-      inferred.undecided.push_back(as_suspect(best->term));
-  }
   inferred.unknown.insert(inferred.unknown.begin(), contradictions.begin(), contradictions.end());
 }
 

@@ -14,16 +14,21 @@ double counts_of(const Cell& cell) {
 
 }  // namespace
 
-void ExpectedEcho::add(const Circumstances& at) {
-  const Eigen::Vector4d x = powers(at);
-  square_ += x * x.transpose();
-  along_ += x * std::log(at.intensity);
-  is_known_ = true;
+ExpectedEcho::ExpectedEcho(const std::vector<const Circumstances*>& known) {
+  // Exponents are near those of a plain receiver, if only echoes hardly differ.
+  Eigen::Matrix4d square = Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();
+  Eigen::Vector4d along = square * Eigen::Vector4d(0, -2, 1, 1);
+  for (const Circumstances* at : known) {
+    const Eigen::Vector4d x = powers(*at);
+    square += x * x.transpose();
+    along += x * std::log(at->intensity);
+  }
+  exponents_ = square.ldlt().solve(along);
+  if (known.empty()) exponents_.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 double ExpectedEcho::operator()(const Circumstances& at) const {
-  if (!is_known_) return std::numeric_limits<double>::quiet_NaN();
-  return std::exp(square_.ldlt().solve(along_).dot(powers(at)));
+  return std::exp(exponents_.dot(powers(at)));
 }
 
 Eigen::Vector4d ExpectedEcho::powers(const Circumstances& at) {
@@ -59,9 +64,10 @@ bool EndOfCounts::is_at_it(const Cell& cell) const {
 void expect_beyond_end_of_counts(Reduced& reduced) {
   const EndOfCounts end(reduced);
   if (!end.is_reached()) return;
-  ExpectedEcho expected;
+  std::vector<const Circumstances*> below;
   for (const Cell& cell : reduced.cells)
-    if (counts_of(cell) > 0 && !end.is_at_it(cell)) expected.add(cell.at);
+    if (counts_of(cell) > 0 && !end.is_at_it(cell)) below.push_back(&cell.at);
+  const ExpectedEcho expected(below);
   for (Cell& cell : reduced.cells)
     if (end.is_at_it(cell)) cell.at.intensity = std::max(cell.at.intensity, expected(cell.at));
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <vector>
 
 #include "fit/explain/reduction/reduce.hpp"
 
@@ -12,18 +13,15 @@ namespace fit::explain::reduction {
 /// receiver).
 class ExpectedEcho {
  public:
-  /// Of an echo whose intensity is known.
-  void add(const Circumstances& at);
-  /// Once all are added; unknown where none is.
+  /// Of echoes whose intensities are known.
+  explicit ExpectedEcho(const std::vector<const Circumstances*>& known);
+  /// Unknown where none is.
   [[nodiscard]] double operator()(const Circumstances& at) const;
 
  private:
   [[nodiscard]] static Eigen::Vector4d powers(const Circumstances& at);
 
-  /// Exponents are near those of a plain receiver, if only echoes hardly differ.
-  Eigen::Matrix4d square_ = Eigen::Vector4d(1e-9, 1, 1, 1).asDiagonal();
-  Eigen::Vector4d along_ = square_ * Eigen::Vector4d(0, -2, 1, 1);
-  bool is_known_ = false;
+  Eigen::Vector4d exponents_;
 };
 
 /// Cells that show the most counts of all, alike, though geometry makes their echoes differ: counts end
