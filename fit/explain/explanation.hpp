@@ -64,10 +64,16 @@ struct Explanation {
   std::vector<Active> suspects;  ///< Members of undecided sets, with their values: for the next experiment.
   std::vector<SeenShape> unnamed_suspects;  ///< Forms that explain nearly as much as one of these.
   std::vector<Suspect> noise_suspects;      ///< The same for noise, lost echoes and intensity.
+  bool may_be_nothing = false;              ///< Instead of one of these.
 
-  [[nodiscard]] std::size_t rivals_in_range() const { return suspects.size() + unnamed_suspects.size(); }
+  [[nodiscard]] std::size_t rivals_in_range() const {
+    return suspects.size() + unnamed_suspects.size() + (may_be_nothing ? 1 : 0);
+  }
+  [[nodiscard]] std::size_t rivals_beside_range() const {
+    return noise_suspects.size() + (may_be_nothing ? 1 : 0);
+  }
   /// Whether there is something that an experiment could decide.
-  [[nodiscard]] bool has_rivals() const { return rivals_in_range() > 1 || noise_suspects.size() > 1; }
+  [[nodiscard]] bool has_rivals() const { return rivals_in_range() > 1 || rivals_beside_range() > 1; }
 };
 
 /// Explains one or several recordings of the same bench together. Throws std::invalid_argument when there is

@@ -166,7 +166,7 @@ std::string explanation_html(const json& e, const std::string& sessions) {
   for (const json& set : e.at("undecided_between")) {
     const auto suspects = fit::explain::suspects_in_words(set.get<std::vector<std::string>>());
     html += "<h2>Undecided</h2>\n<p class=\"box\">One of: " + escaped(fit::explain::listed(suspects, "or")) +
-            ". They would have left the same traces in this recording.</p>\n";
+            ". The recording does not tell them apart.</p>\n";
   }
   if (e.contains("next_experiment") && e["next_experiment"].is_string())
     html += "<p>The experiment that separates them best: <code>" +

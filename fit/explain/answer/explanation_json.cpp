@@ -136,7 +136,10 @@ std::string listed(const std::vector<std::string>& names, const std::string& las
 
 std::vector<std::string> suspects_in_words(std::vector<std::string> ids) {
   for (std::string& id : ids)
-    if (id == unknown_physics) id = "something that no mechanism of the catalogue makes";
+    if (id == unknown_physics)
+      id = "something that no mechanism of the catalogue makes";
+    else if (id == nothing_missing)
+      id = "nothing missing";
   return ids;
 }
 
@@ -148,7 +151,8 @@ std::string to_text(const Explanation& e) {
     text += found.mechanism->id + " (probability " + rounded(found.probability, 3) + "): " + found.says +
             "\n    " + found.evidence + "\n";
   for (const auto& set : e.undecided_between)
-    text += "Undecided between " + listed(suspects_in_words(set)) + ": they fit this recording alike.\n";
+    text +=
+        "Undecided between " + listed(suspects_in_words(set)) + ": the recording does not tell them apart.\n";
   if (e.unknown)
     text += (e.unknown_is_bench_error ? "Bench file and recording do not agree: " : "Unknown physics: ") +
             e.unknown->describes + ".\n";

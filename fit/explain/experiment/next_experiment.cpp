@@ -63,7 +63,8 @@ bool repeats(const Experiment& e, const std::vector<CaptureInfo>& so_far) {
   return static_cast<double>(known) > mostly * static_cast<double>(e.captures.size());
 }
 
-/// What an experiment may find: a mechanism or an unnamed form, as it came out and as it may adjust.
+/// What an experiment may find: a mechanism or an unnamed form, as it came out and as it may adjust, or
+/// nothing.
 struct Suspected {
   std::string id;
   std::function<Eigen::VectorXd(const MeanModel&)> effect_mm;
@@ -92,6 +93,12 @@ Suspected suspected(const SeenShape& seen) {
           }};
 }
 
+Suspected nothing() {
+  return {nothing_missing,
+          [](const MeanModel& model) -> Eigen::VectorXd { return Eigen::VectorXd::Zero(model.rows()); },
+          [](const MeanModel&) { return Columns(); }};
+}
+
 /// Every suspect once, whatever the number of sets it is in.
 std::vector<Suspected> suspects_of(const Explanation& explanation) {
   std::vector<const Active*> terms;
@@ -103,6 +110,7 @@ std::vector<Suspected> suspects_of(const Explanation& explanation) {
   std::vector<Suspected> list;
   for (const Active* term : terms) list.push_back(suspected(*term));
   for (const SeenShape& shape : explanation.unnamed_suspects) list.push_back(suspected(shape));
+  if (explanation.may_be_nothing) list.push_back(nothing());
   return list;
 }
 
@@ -218,7 +226,10 @@ class Rivalry {
  private:
   /// Whichever of two is true.
   [[nodiscard]] Eigen::MatrixXd between(const Reduced& all) const {
-    const Eigen::MatrixXd evidence = evidence_(all);
+    Eigen::MatrixXd evidence = evidence_(all);
+    // Nothing leaves no traces; that it is true shows where those of the other are missing.
+    if (ids_.back() == nothing_missing)
+      evidence.bottomRows(1) = Eigen::MatrixXd(evidence.rightCols(1).transpose());
     return evidence.cwiseMin(evidence.transpose());
   }
   std::vector<std::string> ids_;
@@ -235,13 +246,14 @@ std::vector<Rivalry> rivalries_of(const Explanation& explanation, const Reduced&
     list.emplace_back(
         ids, [suspects](const Reduced& all) { return evidence_between(all, suspects); }, so_far);
   }
-  if (explanation.noise_suspects.size() > 1) {
+  if (explanation.rivals_beside_range() > 1) {
     ids.clear();
     for (const Suspect& suspect : explanation.noise_suspects) ids.push_back(suspect.mechanism->id);
+    if (explanation.may_be_nothing) ids.emplace_back(nothing_missing);
     list.emplace_back(
         ids,
         [&explanation](const Reduced& all) {
-          return inference::evidence_between(all, explanation.noise_suspects);
+          return inference::evidence_between(all, explanation.noise_suspects, explanation.may_be_nothing);
         },
         so_far);
   }

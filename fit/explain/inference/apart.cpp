@@ -26,12 +26,13 @@ Eigen::VectorXd base_predictor(const model::ChannelRows& rows) {
          rows.base().columns * rows.base().prior.mean;
 }
 
-/// What a suspect may do in a channel, whatever its size: as it came out, and as its shapes and formula bend.
-Eigen::MatrixXd all_that(const model::ChannelRows& rows, const model::Term& suspect,
-                         const model::Kind::Acting& acts) {
+/// What a suspect, or nothing, may do in a channel, whatever its size: as it came out, and as its shapes and
+/// formula bend.
+Eigen::MatrixXd all_that(const model::ChannelRows& rows, std::size_t channel, const model::Term& suspect) {
   const Columns& base = rows.base();
   const Eigen::MatrixXd nuisances = base.columns * base.prior.sigma.asDiagonal();
-  if (!acts) return nuisances;
+  if (!suspect.kind || !suspect.kind->acts_in[channel]) return nuisances;
+  const model::Kind::Acting& acts = suspect.kind->acts_in[channel];
   constexpr double any_size = 100;  // of a typical one
   const Eigen::MatrixXd sizes = any_size * model::columns_of(rows, *suspect.kind, suspect.values, &acts),
                         shapes = model::shape_columns(rows, suspect),
@@ -48,7 +49,7 @@ double left_by(const Channels& channels, const model::Term& truth, const model::
     const model::ChannelRows& rows = *channels[c];
     const Eigen::VectorXd effect = model::effect_of(rows, *truth.kind, truth.values),
                           eta = base_predictor(rows) + effect, white = rows.whitened(effect, eta);
-    const Eigen::MatrixXd columns = rows.whitened(all_that(rows, rival, rival.kind->acts_in[c]), eta);
+    const Eigen::MatrixXd columns = rows.whitened(all_that(rows, c, rival), eta);
     Eigen::MatrixXd square = columns.transpose() * columns;
     square.diagonal().array() += 1;
     const Eigen::VectorXd along = columns.transpose() * white;
@@ -59,9 +60,9 @@ double left_by(const Channels& channels, const model::Term& truth, const model::
 
 }  // namespace
 
-Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspect>& suspects) {
+Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspect>& suspects,
+                                 bool may_be_nothing) {
   const Channels channels = channels_of(reduced);
-  const auto count = static_cast<Index>(suspects.size());
   std::vector<model::Kind> kinds;
   for (const Suspect& suspect : suspects)
     kinds.push_back(model::kind_of(*suspect.mechanism, suspect.target, channels));
@@ -71,8 +72,10 @@ Eigen::MatrixXd evidence_between(const Reduced& reduced, const std::vector<Suspe
     terms.back().kind = &kinds[i];
     terms.back().values = suspects[i].mechanism->values(suspects[i].parameters);
   }
+  if (may_be_nothing) terms.emplace_back();
+  const auto count = static_cast<Index>(terms.size());
   Eigen::MatrixXd evidence = Eigen::MatrixXd::Zero(count, count);
-  for (Index i = 0; i < count; ++i)
+  for (Index i = 0; i < static_cast<Index>(suspects.size()); ++i)
     for (Index j = 0; j < count; ++j)
       if (i != j)
         evidence(i, j) =

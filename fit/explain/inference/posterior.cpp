@@ -54,8 +54,9 @@ class Weighed {
     return sum;
   }
 
-  /// What stands in the place of a term of `best` in hypotheses without it.
-  [[nodiscard]] Undecided alternatives(const Hypothesis& best, const Term& term) const {
+  /// What stands in the place of a term of `best` in hypotheses without it; of no term: what else there is
+  /// where nothing is best.
+  [[nodiscard]] Undecided alternatives(const Hypothesis& best, const Term* term) const {
     std::map<const void*, Named> members;
     std::map<const void*, double> most;
     for (const auto& [h, p] : list_) {
@@ -99,9 +100,9 @@ class Weighed {
   }
 
   /// The term itself where it is; another that is not in `best`; null if there is none.
-  static const Term* in_place_of(const Hypothesis& h, const Hypothesis& best, const Term& term) {
+  static const Term* in_place_of(const Hypothesis& h, const Hypothesis& best, const Term* term) {
     for (const Term& own : h.terms)
-      if (sort_of(*own.kind) == sort_of(*term.kind)) return &own;
+      if (term && sort_of(*own.kind) == sort_of(*term->kind)) return &own;
     for (const Term& own : h.terms)
       if (!holds(best, sort_of(*own.kind))) return &own;
     return nullptr;
@@ -131,6 +132,11 @@ Posterior posterior_of(const Explored& explored) {
   const Hypothesis& best = explored.best.hypothesis;
   Posterior result;
   result.likely = weighed.likely();
+  if (best.terms.empty()) {
+    Undecided set = weighed.alternatives(best, nullptr);
+    if (set.members.front().probability < numbers::named_at) result.undecided.push_back(std::move(set));
+    return result;
+  }
   std::vector<const void*> listed_sorts;
   for (const Term& term : best.terms) {
     const void* sort = sort_of(*term.kind);
@@ -143,7 +149,7 @@ Posterior posterior_of(const Explored& explored) {
       continue;
     }
     if (again) continue;
-    Undecided set = weighed.alternatives(best, term);
+    Undecided set = weighed.alternatives(best, &term);
     const Named& first = set.members.front();
     if (set.members.size() > 1)
       result.undecided.push_back(std::move(set));

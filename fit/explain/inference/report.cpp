@@ -121,6 +121,8 @@ void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& n
   out.undecided_between.push_back(std::move(all));
   std::string odds;
   const auto names = std::ranges::count_if(members, has_name);
+  const bool may_be_nothing =
+      std::ranges::any_of(members, [](const Named& member) { return !member.term.kind; });
   for (const Named& member : members) {
     odds += (odds.empty() ? "" : ", ") + name_of(member) + " " + rounded(member.probability, 2);
     const Kind* kind = member.term.kind;
@@ -132,12 +134,13 @@ void report_set(const Undecided& set, const Reduced& reduced, const MeanNoise& n
       continue;  // no experiment repeats it
     } else if (kind->moves_means()) {
       out.suspects.push_back(as_active(member.term));
-    } else if (names > 1) {  // else there is nobody to tell it from
+    } else if (names > 1 || may_be_nothing) {  // else there is nobody to tell it from
       out.noise_suspects.push_back(as_suspect(member.term));
     }
   }
+  out.may_be_nothing |= may_be_nothing;
   if (members.size() > 1)
-    out.notes.push_back("Of what fits alike, usual sizes alone give " + odds +
+    out.notes.push_back("Probabilities by this recording and by usual sizes: " + odds +
                         (set.also.empty() ? "." : "; how far off the bench file may be has no usual size."));
 }
 

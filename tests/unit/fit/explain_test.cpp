@@ -276,6 +276,31 @@ TEST_CASE("an experiment is planned between a mechanism and an unnamed step") {
   CHECK_FALSE(fit::explain::best_experiment({&recording}, e, {}));
 }
 
+TEST_CASE("an experiment is planned between what may be missing and nothing, in range and in noise") {
+  ImaginedRoom room;
+  const SyntheticRecording recording = room.record();
+  const auto is_decided = [&](const Explanation& e, const std::string& id) {
+    const auto next = fit::explain::best_experiment({&recording}, e, {});
+    REQUIRE(next);
+    CHECK(next->expected > 3);
+    CHECK(next->groups == std::vector<std::vector<std::string>>{{id}, {"nothing-missing"}});
+  };
+  Explanation in_range;
+  in_range.suspects.push_back({fit::not_owned(*fit::find_mechanism("encoder-eccentricity")), {0.01, 60}});
+  CHECK_FALSE(fit::explain::best_experiment({&recording}, in_range, {}));
+  in_range.may_be_nothing = true;
+  is_decided(in_range, "encoder-eccentricity");
+
+  Explanation in_noise;
+  fit::explain::Suspect jitter;
+  jitter.mechanism = fit::find_mechanism("angle-jitter");
+  jitter.parameters = {{"sigma_deg", {0.1, 0.01}}};
+  in_noise.noise_suspects.push_back(jitter);
+  CHECK_FALSE(fit::explain::best_experiment({&recording}, in_noise, {}));
+  in_noise.may_be_nothing = true;
+  is_decided(in_noise, "angle-jitter");
+}
+
 TEST_CASE("a curve without a name says the same of another recording, and is told from a name") {
   ImaginedRoom room;
   room.thermometer = true;
