@@ -19,16 +19,27 @@ using model::Transition;
 /// Nearer, and the light of both is one echo.
 constexpr double apart_mm = 500;
 constexpr double u_surface = 0.03;  ///< By which a surface's echo changes within so few degrees.
-/// A line, of too few points or of one place without a slope.
-double level_at(const StraightLine& line, double x) {
-  constexpr double enough_for_a_slope = 4, one_place_deg2 = 1e-6;
-  return line.points() < enough_for_a_slope || line.spread() < one_place_deg2 ? line.mean() : line.at(x);
-}
-
-/// What one surface shows farther from the edge than a beam reaches, along the angle from the edge:
-/// logarithms of counts, and of what geometry makes of them.
+/// What one surface shows away from the edge, along the angle from it: logarithms of counts, and of what
+/// geometry makes of them.
 struct Usual {
+  bool beyond_light = true;  ///< Farther than a beam reaches: else light may be missing as well, by a slope.
   StraightLine counts, by_law;
+
+  [[nodiscard]] double counts_at(double inside_deg) const { return level_at(counts, inside_deg); }
+  [[nodiscard]] double law_at(double inside_deg) const { return level_at(by_law, inside_deg); }
+  /// Of an edge that is there.
+  [[nodiscard]] double read_at_deg(int side, double edge_deg) const {
+    constexpr double far_away = 180;
+    return beyond_light ? side * far_away : counts.middle() + edge_deg;
+  }
+
+ private:
+  /// A line, of too few points, of one place or of places that are not far enough without a slope.
+  [[nodiscard]] double level_at(const StraightLine& line, double x) const {
+    constexpr double enough_for_a_slope = 4, one_place_deg2 = 1e-6;
+    return !beyond_light || line.points() < enough_for_a_slope || line.spread() < one_place_deg2 ? line.mean()
+                                                                                                 : line.at(x);
+  }
 };
 
 /// One edge while its target stands, in the captures that show it.
@@ -48,51 +59,72 @@ int target_beside(const Transition& edge, int side) {
   return most == beams.end() ? -1 : most->first;
 }
 
-/// Calls for every beam of one side whose samples all met the surface that ends there, or stands behind it.
+/// Calls for every beam of one side whose samples all met the surface that ends there, or stands behind it;
+/// by the bench file's place of the edge it may meet the other one.
 template <class Call>
 void of_side(const Transition& edge, int side, const Call& call) {
   const double change = edge.crossing_deg();
   const int target = target_beside(edge, side);
   for (const Beside& b : edge.beams) {
     const double inside = b.inside_deg - change;
-    if (b.counts > 0 && b.target == target && inside * side > 0 &&
+    const bool is_other_by_bench = b.target == target_beside(edge, -side) && b.inside_deg * side < 0;
+    if (b.counts > 0 && (b.target == target || is_other_by_bench) && inside * side > 0 &&
         (side > 0 ? b.far_share <= 0 : b.far_share >= 1))
-      call(b, inside);
+      call(b, inside, is_other_by_bench);
   }
 }
 
-void add_usual(const Transition& edge, int side, Usual& usual) {
-  of_side(edge, side, [&](const Beside& b, double inside) {
-    if (std::abs(inside) < model::light_reach_deg) return;
+void add_usual(const Transition& edge, int side, double from_deg, Usual& usual) {
+  of_side(edge, side, [&](const Beside& b, double inside, bool is_other_by_bench) {
+    if (std::abs(inside) < from_deg || is_other_by_bench) return;
     usual.counts.add(inside, std::log(b.counts));
     usual.by_law.add(inside, b.log_echo);
   });
+}
+
+constexpr double fewest = 2;
+
+/// From where on one side of an edge shows what its surface usually returns: beyond the reach of light, or
+/// else where the farthest beams are, as far as that is one place.
+double usual_from_deg(const EdgeInCaptures& edge, int side) {
+  constexpr double one_place_deg = 0.1;
+  double farthest = 0;
+  Usual beyond;
+  for (const Transition& capture : edge.captures) {
+    add_usual(capture, side, model::light_reach_deg, beyond);
+    of_side(capture, side,
+            [&](const Beside&, double inside, bool) { farthest = std::max(farthest, std::abs(inside)); });
+  }
+  return beyond.counts.points() < fewest ? std::max(0.0, farthest - one_place_deg) : model::light_reach_deg;
 }
 
 /// Beams close to the edge, against what their surface usually shows: in this capture, or else in all of
 /// them.
 void set_beams(EdgeInCaptures& edge) {
   constexpr double u_lambert = 0.3;  // of what incidence and range make
-  constexpr double fewest = 2;
   edge.beams.resize(edge.captures.size());
   std::map<int, Usual> in_all;
-  for (const int side : {-1, 1})
-    for (const Transition& capture : edge.captures) add_usual(capture, side, in_all[side]);
+  std::map<int, double> from_deg;
+  for (const int side : {-1, 1}) {
+    from_deg[side] = usual_from_deg(edge, side);
+    in_all[side].beyond_light = from_deg[side] >= model::light_reach_deg;
+    for (const Transition& capture : edge.captures) add_usual(capture, side, from_deg[side], in_all[side]);
+  }
   for (const int side : {-1, 1}) {
     if (in_all[side].counts.points() < fewest) continue;
     const bool both = in_all[-side].counts.points() >= fewest;
     for (std::size_t k = 0; k < edge.captures.size(); ++k) {
-      Usual own;
-      add_usual(edge.captures[k], side, own);
+      Usual own{.beyond_light = in_all[side].beyond_light, .counts = {}, .by_law = {}};
+      add_usual(edge.captures[k], side, from_deg[side], own);
       const Usual& usual = own.counts.points() < fewest ? in_all[side] : own;
-      const double other = both ? level_at(in_all[-side].counts, 0) - level_at(usual.counts, 0) : 0;
-      of_side(edge.captures[k], side, [&](const Beside& b, double inside) {
-        if (std::abs(inside) >= model::light_reach_deg) return;
-        const double geometry = b.log_echo - level_at(usual.by_law, inside),
-                     log_share = std::log(b.counts) - level_at(usual.counts, inside);
+      const double other = both ? in_all[-side].counts_at(0) - usual.counts_at(0) : 0;
+      of_side(edge.captures[k], side, [&](const Beside& b, double inside, bool is_other_by_bench) {
+        if (std::abs(inside) >= from_deg[side]) return;
+        const double geometry = is_other_by_bench ? 0 : b.log_echo - usual.law_at(inside),
+                     log_share = std::log(b.counts) - usual.counts_at(inside);
         edge.beams[k].push_back({b.inside_deg, side, log_share,
-                                 std::hypot(u_surface, b.u_counts / b.counts, u_lambert * geometry), geometry,
-                                 other});
+                                 std::hypot(u_surface, b.u_counts / b.counts, u_lambert * geometry),
+                                 usual.read_at_deg(side, edge.captures[k].crossing_deg()), geometry, other});
       });
     }
   }

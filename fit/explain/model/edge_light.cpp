@@ -35,7 +35,7 @@ using Logs = std::vector<double>;
 /// How light falls past a place, from both sides of it.
 template <class LogLight>
 struct Profile {
-  LogLight log_light;  ///< Of a beam, and of degrees inside the nearer surface.
+  LogLight log_light;  ///< Of a beam, were it so many degrees inside the nearer surface.
   double power = 1;    ///< By which the receiver compresses it.
   double beyond_deg = 0, step_deg = 0;
 
@@ -46,7 +46,7 @@ struct Profile {
   [[nodiscard]] At at(const Dimming& dimming, double place_deg) const {
     At at;
     for (const Dimmed& b : dimming) {
-      const double light = log_light(b, b.inside_deg - place_deg);
+      const double light = log_light(b, b.inside_deg - place_deg) - log_light(b, b.usual_deg - place_deg);
       at.shows = at.shows || b.is_dip(power * light);
       at.likelihood *= likelihood_of(b, light, power);
     }

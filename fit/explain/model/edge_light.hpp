@@ -10,7 +10,8 @@ namespace fit::explain::model {
 struct Dimmed {
   double inside_deg = 0;  ///< From where the bench has the edge; positive on the nearer surface.
   int side = 1;           ///< +1: it met the nearer one.
-  double log_share = 0, u = 0;
+  double log_share = 0, u = 0;  ///< Of the light that its surface usually returns.
+  double usual_deg = 0;         ///< Where that was read, as `inside_deg`: some may be missing there as well.
   double by_geometry = 0;  ///< What of it incidence and range make.
   double other = 0;        ///< Logarithm of the other surface's counts over its own surface's.
 
