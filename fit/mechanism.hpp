@@ -175,9 +175,9 @@ struct Parameter {
              ///< which it is where a recording does not tell.
     threshold,  ///< Of the coordinate, below which something happens at once: looked for between recorded
                 ///< places.
-    from,  ///< The time at which it begins, s since power-on; the next parameter is the one at which it ends.
-           ///< As often as not it acts always, which is what they are expected to say.
-    moment,  ///< A time at which something changes for good, s since power-on: looked for between all that
+    from,    ///< The time at which it begins, s by `clock_s`; the next parameter is the one at which it ends.
+             ///< As often as not it acts always, which is what they are expected to say.
+    moment,  ///< A time at which something changes for good, s by `clock_s`: looked for between all that
              ///< were recorded.
   };
   std::string name;
@@ -220,7 +220,7 @@ struct Parameter {
 [[nodiscard]] Parameter log_shape(std::string name, double lower, double upper, int starts);
 [[nodiscard]] Parameter even_shape(std::string name, double lower, double upper, int starts);
 
-/// For what may act during a part of the recording: `from_s` and `to_s`, since power-on.
+/// For what may act during a part of the recording: `from_s` and `to_s`, by `clock_s`.
 [[nodiscard]] Parameter begins_at();
 [[nodiscard]] Parameter ends_at();
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -39,6 +40,29 @@ inline nlohmann::json list_of(const nlohmann::json& object, const char* key) {
 inline bool is_bench_error(const nlohmann::json& explanation) {
   return explanation.is_object() && explanation.contains("unknown") &&
          text_of(explanation["unknown"], "bench_error") == "true";
+}
+
+/// Whether one of the answers that an explanation leaves open is that nothing is missing.
+inline bool may_be_nothing(const nlohmann::json& explanation) {
+  const nlohmann::json sets = list_of(explanation, "undecided_between");
+  return std::ranges::any_of(sets, [](const nlohmann::json& set) {
+    return std::ranges::find(set, nlohmann::json("nothing-missing")) != set.end();
+  });
+}
+
+/// The verdict of an explanation as a sentence.
+inline std::string verdict_in_words(const nlohmann::json& explanation) {
+  const std::string verdict = text_of(explanation, "verdict");
+  if (verdict == "nothing-missing")
+    return "Nothing is missing: the simulation explains the recording to within its noise.";
+  if (verdict == "explained") return "The mismatch is explained.";
+  if (verdict == "undecided")
+    return may_be_nothing(explanation) && list_of(explanation, "mechanisms").empty()
+               ? "This recording does not decide whether something is missing."
+               : "Something is missing, and this recording does not decide which of several causes it is.";
+  if (is_bench_error(explanation)) return "The bench file and the recording do not agree.";
+  if (verdict == "unknown-physics") return "Something is missing that no mechanism of the catalogue makes.";
+  return verdict;
 }
 
 }  // namespace rig

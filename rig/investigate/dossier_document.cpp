@@ -70,13 +70,6 @@ std::string tries_in_words(const State& state) {
                             : " This was the third prediction; the two before did not come true.";
 }
 
-/// Whether one of the answers that the sessions do not tell apart is that nothing is missing.
-bool may_be_nothing(const json& explanation) {
-  return std::ranges::any_of(explanation.at("undecided_between"), [](const json& set) {
-    return std::ranges::find(set, json(fit::explain::nothing_missing)) != set.end();
-  });
-}
-
 /// What the recording of the predicted session allows to say.
 std::string claim_of(const State& state, const json& explanation) {
   if (!state.ending) return "The investigation is in progress.";

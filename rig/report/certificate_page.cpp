@@ -166,15 +166,7 @@ void add_budgets(json& budgets, const json& result) {
 }
 
 json shown_explanation(const json& explanation) {
-  static const std::map<std::string, std::string> words = {
-      {"nothing-missing", "Nothing is missing: the simulation predicts the recording to within its noise."},
-      {"explained", "The simulation differed from the recording; what was left out has been found."},
-      {"undecided", "Something is missing, but this recording cannot decide what."},
-      {"unknown-physics", "Something is missing that no mechanism in the catalogue explains."}};
-  const auto word = words.find(text_of(explanation, "verdict"));
-  json out = {{"verdict", is_bench_error(explanation) ? "The bench file and the recording do not agree."
-                          : word == words.end()       ? text_of(explanation, "verdict")
-                                                      : word->second},
+  json out = {{"verdict", verdict_in_words(explanation)},
               {"mechanisms", json::array()},
               {"undecided", json::array()},
               {"next", text_of(explanation, "next_experiment")}};

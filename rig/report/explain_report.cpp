@@ -22,17 +22,6 @@ std::string figure_of(double value, int digits = 4) {
   return text;
 }
 
-std::string verdict_in_words(const json& explanation) {
-  const std::string verdict = explanation.at("verdict").get<std::string>();
-  if (verdict == "nothing-missing")
-    return "Nothing is missing: the simulation explains the recording to within its noise.";
-  if (verdict == "explained") return "The mismatch is explained.";
-  if (verdict == "undecided")
-    return "Something is missing, and this recording cannot tell which of several causes it is.";
-  if (is_bench_error(explanation)) return "The bench file and the recording do not agree.";
-  return "Something is missing that no mechanism of the catalogue produces.";
-}
-
 /// What was located by a test that shows it; whoever needs the others finds them in the JSON.
 json seen_of(const json& located) {
   constexpr double shows_nothing = 0.05;

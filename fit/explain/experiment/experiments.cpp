@@ -70,7 +70,10 @@ std::vector<CaptureInfo> from_both_sides(const Bench& bench, double from_deg, do
   return captures;
 }
 
-double distance_of(const Target& target) { return std::abs(target.from_mm.dot(target.outward_normal())); }
+/// In whole millimetres: an operator moves it by hand.
+double distance_of(const Target& target) {
+  return std::round(std::abs(target.from_mm.dot(target.outward_normal())));
+}
 
 /// One target that is moved and covered.
 std::vector<Experiment> with_placements(const Bench& bench, const Target& target) {

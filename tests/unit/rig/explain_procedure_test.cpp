@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "rig/json_fields.hpp"
 #include "rig/procedure/procedure_plan.hpp"
 #include "rig/report/explain_report.hpp"
 
@@ -71,6 +72,16 @@ TEST_CASE("an explanation becomes a page that needs nothing else") {
   CHECK(html.find("angle of incidence (deg)") != std::string::npos);
   CHECK(html.find("http") == html.find("http://www.w3.org"));
   CHECK(html.find("Where they differ") != std::string::npos);
+}
+
+TEST_CASE("where nothing may be missing, no page says that something is") {
+  auto explanation = nlohmann::json::parse(
+      R"({"verdict": "undecided", "mechanisms": [], "undecided_between": [["nothing-missing", "range-walk"]]})");
+  CHECK(rig::verdict_in_words(explanation) == "This recording does not decide whether something is missing.");
+  explanation["undecided_between"][0][0] = "near-field";
+  CHECK(rig::verdict_in_words(explanation).find("Something is missing") == 0);
+  explanation = {{"verdict", "a later version's"}};
+  CHECK(rig::verdict_in_words(explanation) == "a later version's");
 }
 
 TEST_CASE("a target that is not there is told as the bench file's fault, without figures that say nothing") {
