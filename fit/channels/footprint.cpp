@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 #include <vector>
@@ -98,32 +99,61 @@ double usual_from_deg(const EdgeInCaptures& edge, int side) {
   return beyond.counts.points() < fewest ? std::max(0.0, farthest - one_place_deg) : model::light_reach_deg;
 }
 
+/// What one side of an edge shows away from it.
+struct UsualOfSide {
+  double from_deg = 0;
+  std::vector<Usual> of_captures;
+  Usual in_all;
+  double u_of_capture = 0;  ///< By which captures' levels differ: other beams see the edge in each of them.
+};
+
+UsualOfSide usual_of(const EdgeInCaptures& edge, int side) {
+  UsualOfSide usual;
+  usual.from_deg = usual_from_deg(edge, side);
+  const Usual nothing_yet{
+      .beyond_light = usual.from_deg >= model::light_reach_deg, .counts = {}, .by_law = {}};
+  usual.in_all = nothing_yet;
+  for (const Transition& capture : edge.captures) {
+    usual.of_captures.push_back(nothing_yet);
+    add_usual(capture, side, usual.from_deg, usual.of_captures.back());
+    add_usual(capture, side, usual.from_deg, usual.in_all);
+  }
+  double levels = 0, squares = 0;
+  for (const Usual& own : usual.of_captures) {
+    if (own.counts.points() == 0) continue;
+    levels += 1;
+    squares += std::pow(own.counts.mean() - usual.in_all.counts_at(own.counts.middle()), 2);
+  }
+  usual.u_of_capture =
+      levels > 1 ? std::sqrt(squares / (levels - 1)) : std::numeric_limits<double>::infinity();
+  return usual;
+}
+
 /// Beams close to the edge, against what their surface usually shows: in this capture, or else in all of
 /// them.
 void set_beams(EdgeInCaptures& edge) {
   constexpr double u_lambert = 0.3;  // of what incidence and range make
   edge.beams.resize(edge.captures.size());
-  std::map<int, Usual> in_all;
-  std::map<int, double> from_deg;
+  std::map<int, UsualOfSide> sides;
+  for (const int side : {-1, 1}) sides[side] = usual_of(edge, side);
   for (const int side : {-1, 1}) {
-    from_deg[side] = usual_from_deg(edge, side);
-    in_all[side].beyond_light = from_deg[side] >= model::light_reach_deg;
-    for (const Transition& capture : edge.captures) add_usual(capture, side, from_deg[side], in_all[side]);
-  }
-  for (const int side : {-1, 1}) {
-    if (in_all[side].counts.points() < fewest) continue;
-    const bool both = in_all[-side].counts.points() >= fewest;
+    const UsualOfSide& here = sides[side];
+    if (here.in_all.counts.points() < fewest) continue;
+    const bool both = sides[-side].in_all.counts.points() >= fewest;
     for (std::size_t k = 0; k < edge.captures.size(); ++k) {
-      Usual own{.beyond_light = in_all[side].beyond_light, .counts = {}, .by_law = {}};
-      add_usual(edge.captures[k], side, from_deg[side], own);
-      const Usual& usual = own.counts.points() < fewest ? in_all[side] : own;
-      const double other = both ? in_all[-side].counts_at(0) - usual.counts_at(0) : 0;
+      const Usual& own = here.of_captures[k];
+      const bool knows_own = own.counts.points() >= fewest;
+      if (!knows_own && !std::isfinite(here.u_of_capture)) continue;
+      const Usual& usual = knows_own ? own : here.in_all;
+      const double u_level = knows_own ? 0 : here.u_of_capture,
+                   other = both ? sides[-side].in_all.counts_at(0) - usual.counts_at(0) : 0;
       of_side(edge.captures[k], side, [&](const Beside& b, double inside, bool is_other_by_bench) {
-        if (std::abs(inside) >= from_deg[side]) return;
+        if (std::abs(inside) >= here.from_deg) return;
         const double geometry = is_other_by_bench ? 0 : b.log_echo - usual.law_at(inside),
-                     log_share = std::log(b.counts) - usual.counts_at(inside);
-        edge.beams[k].push_back({b.inside_deg, side, log_share,
-                                 std::hypot(u_surface, b.u_counts / b.counts, u_lambert * geometry),
+                     log_share = std::log(b.counts) - usual.counts_at(inside),
+                     u = std::hypot(std::hypot(u_surface, u_level), b.u_counts / b.counts,
+                                    u_lambert * geometry);
+        edge.beams[k].push_back({b.inside_deg, side, log_share, u,
                                  usual.read_at_deg(side, edge.captures[k].crossing_deg()), geometry, other});
       });
     }

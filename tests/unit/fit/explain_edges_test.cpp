@@ -381,6 +381,21 @@ TEST_CASE("boards with a dark rim are no wide beam") {
   CHECK_FALSE(found(by_few_beams, "mixed-pixel"));
 }
 
+TEST_CASE("a dirty window that dims some beams makes none of them wide where they meet edges") {
+  PlainScene scene = boards_in_place();
+  scene.steps = 271;
+  scene.front_step = 135;
+  scene.step_deg = 1;
+  const auto dimmed = [](double beam_rad, double, auto&, auto& intensity) {
+    const double away = std::remainder(beam_rad / degree, 60.0) / 6;
+    intensity = static_cast<std::uint16_t>(intensity * (1 - 0.4 * std::exp(-0.5 * away * away)));
+  };
+  const SyntheticRecording recording = remade(scene, 23, dimmed);
+  const Explanation e = fit::explain::explain({&recording}, {});
+  INFO(to_text(e));
+  CHECK_FALSE(found(e, "mixed-pixel"));
+}
+
 TEST_CASE("weak echoes of stray light past the edges of nearer boards are no wide beam") {
   const PlainScene scene = boards_in_place();
   const auto with_halo = [scene](double beam_rad, double stage_rad, auto& range, auto& intensity) {
