@@ -287,6 +287,9 @@ struct Mechanism {
   /// Other names of what one bench may show alike: ids, `mount_offset` or `mount_yaw`. Where those have no
   /// signs of their own, only sizes could tell them apart, and sizes are a prior, not evidence.
   std::vector<std::string> looks_like;
+  /// Whether values with such standard uncertainties show what the cause alone does, and not just anything
+  /// there; empty: always.
+  std::function<bool(std::span<const double> values, std::span<const double> u)> has_own_sign;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
   std::function<std::vector<Interval>(const Finding&, const Recorded&)> shows;
   std::function<std::string(const Finding&)> says;

@@ -14,7 +14,7 @@ namespace fit::explain::inference {
 
 /// Smooth functions that may be what a mechanism is taken for. Where one stands beside it its formula does
 /// not fit, and functions of that coordinate that do without it as well as the recording tells may; so may
-/// any of the mechanism's own where it is called a wave that may not repeat.
+/// any of the mechanism's own where it is called a wave that may not repeat, or lacks its own sign.
 [[nodiscard]] std::vector<Named> functions_instead(const Session& session, const Fitted& best,
                                                    const Named& named);
 

@@ -80,6 +80,12 @@ bool may_not_repeat(const Session& session, const Term& term) {
   return quantile(0.95) - quantile(0.05) < 2 * term.values[*period];
 }
 
+/// Whether what is there is no more than anything in its place would do.
+bool lacks_own_sign(const Term& term) {
+  const auto& has_own_sign = term.kind->mechanism->has_own_sign;
+  return has_own_sign && term.sigma.size() == term.values.size() && !has_own_sign(term.values, term.sigma);
+}
+
 }  // namespace
 
 std::vector<Named> functions_instead(const Session& session, const Fitted& best, const Named& named) {
@@ -87,7 +93,7 @@ std::vector<Named> functions_instead(const Session& session, const Fitted& best,
   std::vector<Eigen::VectorXd> effect = effect_of(best, *named.term.kind);
   double gain = 0;
   for (const Eigen::VectorXd& in_channel : effect) gain += in_channel.squaredNorm() / 2;
-  const bool may_be_any = may_not_repeat(session, named.term);
+  const bool may_be_any = may_not_repeat(session, named.term) || lacks_own_sign(named.term);
   std::set<Coordinate> coordinates;
   if (may_be_any) coordinates.insert(named.term.kind->mechanism->coordinate);
   for (const Term& own : best.hypothesis.terms) {

@@ -281,6 +281,19 @@ TEST_CASE("light that stays in the room while the stage turns is light, and wher
   CHECK_FALSE(e.unknown);
 }
 
+TEST_CASE("a part of a wall that is rough is light, or what no mechanism makes") {
+  const Explanation e = explained(
+      [](double beam_deg, double time_s, double) {
+        const double stage = stage_deg(static_cast<int>((time_s - first_s) / every_s));
+        return Light{.scatter_mm = std::abs(std::remainder(beam_deg + stage - 170, 360.0)) < 20 ? 4.0 : 0.0};
+      },
+      10, 13);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  REQUIRE(e.undecided_between.size() == 1);
+  CHECK(std::ranges::count(e.undecided_between.front(), "unknown-physics") == 1);
+}
+
 TEST_CASE("two sectors of noisy beams, at all times and without losses, are not told as light for sure") {
   const auto sector = [](double beam_deg, double centre_deg) {
     return std::exp(-std::pow((beam_deg - centre_deg) / 12, 2));

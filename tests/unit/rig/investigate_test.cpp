@@ -304,7 +304,8 @@ TEST_CASE("a dossier claims only what the predicted recording confirmed") {
   state.rounds.push_back(round);
   state.rounds.back().session.name = "round-2", state.rounds.back().session.without_data = true;
   state.rounds.back().session.failed = "There was no clock.";
-  state.rounds.front().explanation["undecided_between"] = {{"angle-jitter", "nothing-missing"}};
+  state.rounds.front().explanation["undecided_between"] =
+      json::array({json::array({"angle-jitter", "nothing-missing"})});
   state.rounds.back().explanation = state.rounds.front().explanation;
   const std::string page = dossier_page(dossier_document(state, room()));
   CHECK(page.find("2 sessions,") != std::string::npos);
