@@ -288,7 +288,7 @@ struct Mechanism {
   /// signs of their own, only sizes could tell them apart, and sizes are a prior, not evidence.
   std::vector<std::string> looks_like;
   /// Whether values with such standard uncertainties show what the cause alone does, and not just anything
-  /// there; empty: always.
+  /// that is always there; empty: yes.
   std::function<bool(std::span<const double> values, std::span<const double> u)> has_own_sign;
   /// Where most of the effect is, of what was recorded; empty: wherever something was.
   std::function<std::vector<Interval>(const Finding&, const Recorded&)> shows;

@@ -65,10 +65,10 @@ int target_beside(const Transition& edge, int side) {
 template <class Call>
 void of_side(const Transition& edge, int side, const Call& call) {
   const double change = edge.crossing_deg();
-  const int target = target_beside(edge, side);
+  const int target = target_beside(edge, side), other = target_beside(edge, -side);
   for (const Beside& b : edge.beams) {
     const double inside = b.inside_deg - change;
-    const bool is_other_by_bench = b.target == target_beside(edge, -side) && b.inside_deg * side < 0;
+    const bool is_other_by_bench = b.target == other && b.inside_deg * side < 0;
     if (b.counts > 0 && (b.target == target || is_other_by_bench) && inside * side > 0 &&
         (side > 0 ? b.far_share <= 0 : b.far_share >= 1))
       call(b, inside, is_other_by_bench);
@@ -89,14 +89,13 @@ constexpr double fewest = 2;
 /// else where the farthest beams are, as far as that is one place.
 double usual_from_deg(const EdgeInCaptures& edge, int side) {
   constexpr double one_place_deg = 0.1;
-  double farthest = 0;
-  Usual beyond;
-  for (const Transition& capture : edge.captures) {
-    add_usual(capture, side, model::light_reach_deg, beyond);
-    of_side(capture, side,
-            [&](const Beside&, double inside, bool) { farthest = std::max(farthest, std::abs(inside)); });
-  }
-  return beyond.counts.points() < fewest ? std::max(0.0, farthest - one_place_deg) : model::light_reach_deg;
+  double farthest = 0, beyond = 0;
+  for (const Transition& capture : edge.captures)
+    of_side(capture, side, [&](const Beside&, double inside, bool is_other_by_bench) {
+      farthest = std::max(farthest, std::abs(inside));
+      if (std::abs(inside) >= model::light_reach_deg && !is_other_by_bench) beyond += 1;
+    });
+  return beyond < fewest ? std::max(0.0, farthest - one_place_deg) : model::light_reach_deg;
 }
 
 /// What one side of an edge shows away from it.

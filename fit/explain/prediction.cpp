@@ -61,8 +61,8 @@ struct Part {
 using Parts = std::vector<Part>;
 
 /// Of the cells that can be predicted, by capture. `u2_mm2`: variance of where each of them is predicted.
-std::map<int, Parts> parts_of(const Reduced& reduced, const std::vector<double>& u2_mm2 = {}) {
-  const std::vector<Active> known = known_effects(reduced.bench);
+std::map<int, Parts> parts_of(const Reduced& reduced, const std::vector<Active>& known,
+                              const std::vector<double>& u2_mm2 = {}) {
   std::map<int, Parts> of_capture;
   for (std::size_t i = 0; i < reduced.cells.size(); ++i) {
     const Cell& cell = reduced.cells[i];
@@ -109,7 +109,7 @@ double information_on(const Parts& parts, double log_constant) {
 /// The captures' constant noise as a random effect. Its variance is DerSimonian and Laird's (1986): what the
 /// captures' logarithms scatter by beyond their uncertainties.
 ConstantNoise constant_noise_of(const Reduced& reduced) {
-  const std::map<int, Parts> of_capture = parts_of(reduced);
+  const std::map<int, Parts> of_capture = parts_of(reduced, known_effects(reduced.bench));
   if (of_capture.empty()) {
     const double stated_mm = stated_noise(reduced.bench).value;
     return {stated_mm > 0 ? stated_mm : unstated_noise_mm};
@@ -207,7 +207,7 @@ class PredictiveDistribution {
     for (Eigen::Index k = 0; k < open.cols(); ++k) u2 += stated.remainder(open.col(k)).cwiseAbs2();
     u2_mm2_ = by_cell(stated, u2);
     log_occam_ = 0;
-    for (const auto& [capture, parts] : parts_of(reduced_, u2_mm2_)) {
+    for (const auto& [capture, parts] : parts_of(reduced_, known_, u2_mm2_)) {
       of_capture_[capture] = OfCapture(constant_, parts);
       log_occam_ += of_capture_[capture].log_occam;
     }

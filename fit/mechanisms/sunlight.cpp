@@ -69,11 +69,11 @@ Mechanism make_sunlight() {
   };
   m.away = [](const Circumstances& c, std::span<const double> p) { return away_deg(c, p[1], p[8]); };
   m.looks_like = {"local-noise", "local-loss"};  // of which nothing comes and goes, one of both shows
-  // Light comes and goes, drowns echoes, or disturbs weak ones the most. A rough surface or something loose
-  // before it does nothing of that.
+  // Light drowns echoes, or disturbs weak ones the most. A rough surface or something loose before it does
+  // neither.
   m.has_own_sign = [](std::span<const double> p, std::span<const double> u) {
-    constexpr double always_s = 1e9, on_weak_echoes = 0.5;
-    return std::abs(p[3]) < always_s || std::abs(p[4]) < always_s || p[5] > 2 * u[5] || p[6] > on_weak_echoes;
+    constexpr double on_weak_echoes = 0.5;
+    return p[5] > 2 * u[5] || p[6] > on_weak_echoes;
   };
   m.shows = [](const Finding& f, const Recorded&) {
     std::vector<Interval> places;

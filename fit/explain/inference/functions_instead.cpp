@@ -82,8 +82,9 @@ bool may_not_repeat(const Session& session, const Term& term) {
 
 /// Whether what is there is no more than anything in its place would do.
 bool lacks_own_sign(const Term& term) {
-  const auto& has_own_sign = term.kind->mechanism->has_own_sign;
-  return has_own_sign && term.sigma.size() == term.values.size() && !has_own_sign(term.values, term.sigma);
+  const Mechanism& m = *term.kind->mechanism;
+  return m.has_own_sign && term.sigma.size() == term.values.size() && !m.happened_once(term.values) &&
+         !m.has_own_sign(term.values, term.sigma);
 }
 
 }  // namespace
