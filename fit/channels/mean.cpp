@@ -38,28 +38,16 @@ Columns of_uneven_surfaces(const MeanModel& model) {
   return out;
 }
 
-/// Where every row lies on its target.
-std::vector<model::RoughSurfaces::Place> places_of(const MeanModel& model) {
-  std::vector<model::RoughSurfaces::Place> places;
-  for (Index i = 0; i < model.rows(); ++i) {
-    const Circumstances& at = model.cell(i).at;
-    const double weight = 1 / model.sigma_of_mean(i);
-    places.push_back(
-        {at.target, model.cell(i).group, at.along_mm, weight, weight * range_per_mm_out(at.cos_incidence)});
-  }
-  return places;
-}
-
 /// Means of cells: normal around the predicted range, what a group has in common included.
 class Means final : public model::NormalRows {
  public:
   Means(const Reduced& reduced, const MeanNoise& noise)
       : own_(merged(reduced, numbers::search_rows)), model_(own_, noise) {
     for (const auto& run : taken_together(reduced, numbers::search_rows)) {
-      first_range_.push_back(ranges_mm_.size());
-      for (const Cell* cell : run) ranges_mm_.push_back(cell->at.range_mm);
+      first_cell_.push_back(cells_.size());
+      for (const Cell* cell : run) cells_.push_back({cell->at.range_mm, cell->at.along_mm});
     }
-    first_range_.push_back(ranges_mm_.size());
+    first_cell_.push_back(cells_.size());
     log_weights_.resize(model_.rows());
     std::vector<Row> rows;
     for (Index i = 0; i < model_.rows(); ++i) {
@@ -78,9 +66,9 @@ class Means final : public model::NormalRows {
     const double mm = model_.response(row, effect);
     return std::isfinite(mm) ? mm : 0;
   }
-  [[nodiscard]] std::span<const double> ranges_mm(Index row) const override {
+  [[nodiscard]] std::span<const model::CellOfRow> cells_of(Index row) const override {
     const auto i = static_cast<std::size_t>(row);
-    return {ranges_mm_.data() + first_range_[i], first_range_[i + 1] - first_range_[i]};
+    return {cells_.data() + first_cell_[i], first_cell_[i + 1] - first_cell_[i]};
   }
   [[nodiscard]] Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const override {
     return log_weights_ - 0.5 * white_residual(eta).cwiseAbs2();
@@ -127,9 +115,20 @@ class Means final : public model::NormalRows {
   }
 
  private:
+  /// Where every row lies on its target.
+  [[nodiscard]] std::vector<model::RoughSurfaces::Place> places() const {
+    std::vector<model::RoughSurfaces::Place> places;
+    for (Index i = 0; i < rows(); ++i) {
+      const Circumstances& at = model_.cell(i).at;
+      const double weight = 1 / model_.sigma_of_mean(i);
+      places.push_back({at.target, model_.cell(i).group, at.along_mm, weight,
+                        weight * range_per_mm_out(at.cos_incidence)});
+    }
+    return places;
+  }
   /// What is left of surfaces where formulas may deviate, too.
   [[nodiscard]] model::LikeliestSurfaces surfaces_beside(const Eigen::VectorXd& eta) const {
-    return model::likeliest_surfaces(places_of(model_), model_.whitened(model_.raw_residual() - eta));
+    return model::likeliest_surfaces(places(), model_.whitened(model_.raw_residual() - eta));
   }
   /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
   /// at once. Where they are too many for that, they go first, and nothing is said of places.
@@ -143,11 +142,11 @@ class Means final : public model::NormalRows {
       information_[i] = 1 / (variances[i] * model_.variance_of_mean(i));
   }
   void divide_out_places(Eigen::VectorXd& variances, Eigen::MatrixXd& shared) {
-    const auto places = places_of(model_);
+    const auto where = places();
     rough_ = surfaces_beside(Eigen::VectorXd::Zero(rows())).surfaces;
     for (Index i = 0; i < rows(); ++i)
-      variances[i] += rough_->variance_mm2(places[static_cast<std::size_t>(i)].target) *
-                      std::pow(places[static_cast<std::size_t>(i)].slope, 2);
+      variances[i] += rough_->variance_mm2(where[static_cast<std::size_t>(i)].target) *
+                      std::pow(where[static_cast<std::size_t>(i)].slope, 2);
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));
@@ -155,8 +154,8 @@ class Means final : public model::NormalRows {
 
   Reduced own_;  ///< Neighbouring cells of a large session together.
   MeanModel model_;
-  std::vector<double> ranges_mm_;  ///< Of the cells of all rows.
-  std::vector<std::size_t> first_range_;
+  std::vector<model::CellOfRow> cells_;  ///< Of all rows.
+  std::vector<std::size_t> first_cell_;
   Eigen::VectorXd log_weights_;
   Eigen::VectorXd information_;  ///< Of rows by themselves, with what they share.
   std::optional<model::RoughSurfaces> rough_;

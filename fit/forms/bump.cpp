@@ -15,8 +15,8 @@ Form make_bump() {
     std::vector<Shape> list;
     const bool sampled_finely = axis.coordinate == Coordinate::beam || axis.coordinate == Coordinate::range ||
                                 axis.coordinate == Coordinate::time || axis.coordinate == Coordinate::target;
-    const bool of_range = axis.channel == Channel::range || axis.channel == Channel::range_scale;
-    if (!of_range || !sampled_finely) return list;
+    const bool of_an_angle = axis.channel == Channel::beam_angle || axis.channel == Channel::stage_angle;
+    if (of_an_angle || !sampled_finely) return list;
     const double span = axis.high - axis.low;
     const double between_rows =
         axis.values.size() > 1 ? 1.0 / static_cast<double>(axis.values.size() - 1) : 1;

@@ -59,12 +59,11 @@ bool may_be(const Session& session, const Mechanism& m, const Mechanism& other) 
          confounded(session, other.coordinate, m.coordinate);
 }
 
-/// Whether another hypothesis fits as well, all in all and in every channel, as the best one does with a
-/// mechanism.
-bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without,
-                  const Mechanism& mechanism) {
+/// Whether another hypothesis fits as well, all in all and in every channel, as the best one does with a term
+/// whose formula leaves that share of its cause.
+bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without, double share) {
   const auto loses_little = [&](double others, double bests, double withouts) {
-    return others >= bests - hardly_worse(mechanism, bests - withouts);
+    return others >= bests - hardly_worse(share, bests - withouts);
   };
   for (std::size_t c = 0; c < best.optimum.of_channel.size(); ++c)
     if (!loses_little(other.optimum.of_channel[c], best.optimum.of_channel[c], without.optimum.of_channel[c]))
@@ -79,31 +78,41 @@ Hypothesis best_without(const Fitted& best, const Kind* kind) {
 }
 
 /// In the place of a term of the best hypothesis, as well as the recording tells: what may be one of those
-/// mechanisms.
+/// mechanisms, as far as formulas err; and whatever else leaves that in doubt, as far as they do where they
+/// may bend.
 std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& fits, const Term& term,
                              double probability, const std::vector<const Mechanism*>& mechanisms) {
-  std::set<std::string> may_be_one;
-  for (const Mechanism& m : catalogue())
-    if (std::ranges::any_of(mechanisms, [&](const Mechanism* one) { return may_be(session, m, *one); }))
-      may_be_one.insert(m.id);
-  std::vector<Named> rivals;
-  if (may_be_one.empty()) return rivals;
+  const auto may_be_one = [&](const Mechanism& m) {
+    return std::ranges::any_of(mechanisms, [&](const Mechanism* one) { return may_be(session, m, *one); });
+  };
   const Fitted& without = fits(best_without(best, term.kind));
+  const double gain = best.hypothesis.log_fit - without.hypothesis.log_fit,
+               error = term.kind->mechanism->formula_error;
+  const auto own = std::ranges::find(best.hypothesis.terms, term.kind, &Term::kind);
+  const double left = term.kind->mechanism->any_curve ? 0  // what bends at will leaves nothing
+                      : own == best.hypothesis.terms.end()
+                          ? error
+                          : share_left(best, static_cast<std::size_t>(own - best.hypothesis.terms.begin()));
+  if (hardly_worse(left, gain) == numbers::fits_as_well && std::ranges::none_of(catalogue(), may_be_one))
+    return {};
+  const double least = best.hypothesis.log_posterior() - without.hypothesis.log_posterior() -
+                       hardly_worse(left, gain) - numbers::window;
+  std::vector<Named> rivals;
   for (const Candidate& candidate : screen(session, without, term.kind, true)) {
-    if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind) ||
-        !may_be_one.contains(candidate.term.kind->mechanism->id))
-      continue;
+    if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind)) continue;
+    const bool is_another_name = may_be_one(*candidate.term.kind->mechanism);
+    if (!is_another_name && candidate.log_posterior() < least) continue;
     Hypothesis other = best_without(best, term.kind);
     other.terms.push_back(candidate.term);
     const Fitted fitted = fit(session, other);
-    if (!fits_as_well(fitted, best, without, *term.kind->mechanism)) continue;
+    const double share = is_another_name ? error : left;
+    if (!fits_as_well(fitted, best, without, share)) continue;
     // What a formula's error may lose says nothing against it.
-    const double gain = best.hypothesis.log_fit - without.hypothesis.log_fit,
-                 counts = numbers::fits_as_well / hardly_worse(*term.kind->mechanism, gain),
-                 log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior());
-    if (log_odds < -numbers::window) continue;
-    rivals.push_back(
-        {fitted.hypothesis.terms.back(), std::exp(std::min(log_odds, numbers::window)) * probability});
+    const double counts = numbers::fits_as_well / hardly_worse(share, gain),
+                 log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior()),
+                 odds = std::exp(std::min(log_odds, numbers::window));
+    if (log_odds < -numbers::window || (!is_another_name && odds < 1 / numbers::named_at - 1)) continue;
+    rivals.push_back({fitted.hypothesis.terms.back(), odds * probability});
   }
   return rivals;
 }
@@ -202,8 +211,8 @@ void join(const std::vector<Named>& rivals, Undecided& set) {
 
 }  // namespace
 
-double hardly_worse(const Mechanism& mechanism, double gain) {
-  return std::max(numbers::fits_as_well, mechanism.formula_error * mechanism.formula_error * gain);
+double hardly_worse(double share, double gain) {
+  return std::max(numbers::fits_as_well, share * share * gain);
 }
 
 double share_left(const Fitted& best, std::size_t term) {

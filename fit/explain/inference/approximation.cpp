@@ -124,6 +124,43 @@ double Approximation::with_everything(const Term& term, bool with_shapes) const 
   return std::isfinite(all) ? all : -1e300;
 }
 
+std::vector<model::RowScore> Approximation::scores_alone() const {
+  std::vector<double> everywhere = kind_->starts.front();
+  const double size = everywhere.front();
+  everywhere[everywhere.size() - 2] = -1e300;
+  everywhere.back() = 1e300;
+  std::vector<model::RowScore> scores;
+  for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+    if (!kind_->acts_in[c]) continue;
+    const ChannelRows& rows = *session_->channels()[c];
+    const Eigen::VectorXd information = rows.information(around_->eta[c]),
+                          score = rows.score_alone(around_->eta[c]),
+                          each = model::effect_of(rows, *kind_, everywhere) / size;
+    for (Index i = 0; i < rows.rows(); ++i)
+      scores.push_back({model::place_of(kind_->mechanism->coordinate, kind_->target, rows.at(i)),
+                        each[i] * score[i], each[i] * each[i] * information[i]});
+  }
+  return scores;
+}
+
+std::vector<double> Approximation::recorded_places() const {
+  std::vector<double> places;
+  for (std::size_t c = 0; c < session_->channels().size(); ++c) {
+    if (!kind_->acts_in[c]) continue;
+    const ChannelRows& rows = *session_->channels()[c];
+    for (Index i = 0; i < rows.rows(); ++i) {
+      const double place = model::place_of(kind_->mechanism->coordinate, kind_->target, rows.at(i));
+      if (!std::isfinite(place)) continue;
+      const std::span<const model::CellOfRow> cells = rows.cells_of(i);
+      if (kind_->differs_within_rows() && !cells.empty())
+        for (const model::CellOfRow& cell : cells) places.push_back(cell.along_mm);
+      else
+        places.push_back(place);
+    }
+  }
+  return places;
+}
+
 double Approximation::gain_of_offset(const Term& term, std::optional<std::size_t> start) const {
   double sum = 0;
   for (std::size_t c = 0; c < session_->channels().size(); ++c) {

@@ -49,6 +49,11 @@ class Approximation {
     return list;
   }
 
+  /// Of a form that acts between two places, were it everywhere, as if each row came alone.
+  [[nodiscard]] std::vector<model::RowScore> scores_alone() const;
+  /// Along its coordinate, of all cells.
+  [[nodiscard]] std::vector<double> recorded_places() const;
+
   const Session* session_;
   const Fitted* fitted_;
   const Optimum* around_;

@@ -86,6 +86,28 @@ Peak peak_between(const std::vector<std::vector<double>>& starts, const std::vec
   return from;
 }
 
+Peak peak_among(const std::vector<double>& borders, const std::vector<std::size_t>& parameters, Peak from,
+                const LogEvidence& log_evidence) {
+  constexpr std::ptrdiff_t aside = 12;
+  constexpr int rounds = 2;
+  from.log_share = 0;
+  for (int round = 0; round < rounds; ++round)
+    for (const std::size_t end : parameters) {
+      const auto near = std::ranges::lower_bound(borders, from.values[end]);
+      const auto first = near - std::min(aside, near - borders.begin()),
+                 last = near + std::min(aside, borders.end() - near);
+      for (auto border = first; border != last; ++border) {
+        std::vector<double> other = from.values;
+        other[end] = *border;
+        const double there = log_evidence(other);
+        if (there <= from.log_evidence) continue;
+        from.log_evidence = there;
+        from.values = std::move(other);
+      }
+    }
+  return from;
+}
+
 void climb(const std::vector<Free>& free, double before,
            const std::function<double(const double* x)>& function) {
   struct Context {

@@ -21,6 +21,12 @@ struct Peak {
                                 const std::vector<std::size_t>& parameters, Peak from,
                                 const std::function<double(const std::vector<double>&)>& log_evidence);
 
+/// The highest place near that peak where the parameters, the ends of what begins and ends, are among those
+/// borders: a row more or less at either end costs as much as a whole effect.
+[[nodiscard]] Peak peak_among(const std::vector<double>& borders, const std::vector<std::size_t>& parameters,
+                              Peak from,
+                              const std::function<double(const std::vector<double>&)>& log_evidence);
+
 /// A free variable: where it begins, its bounds, and how far it is moved first.
 struct Free {
   double at = 0, lower = 0, upper = 0, first = 0;

@@ -49,6 +49,7 @@ class Question : Approximation {
       std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
     else
       keep_modes();
+    if (is_form() && kind_->form->form->from_to) add_places();
     if (kind_->begins) add_spans();
     if (kind_->threshold) add_thresholds();
     best_.term = asked_.front().term;
@@ -105,17 +106,22 @@ class Question : Approximation {
     const Asked listed = asked_.front();
     const std::size_t extent = listed.term.values.size() - 1;
     Term there = listed.term;
-    const Peak peak =
-        peak_between(kind_->starts, {extent - 1, extent}, {listed.term.values, listed.log_evidence},
-                     [&](const std::vector<double>& values) {
-                       there = listed.term;
-                       there.values = values;
-                       return with_sizes(there);
-                     });
+    const auto log_evidence = [&](const std::vector<double>& values) {
+      there.values = values;
+      return with_sizes(there);
+    };
+    const std::vector<std::size_t> both{extent - 1, extent};
+    Peak peak = peak_between(kind_->starts, both, {listed.term.values, listed.log_evidence}, log_evidence);
+    double places = static_cast<double>(kind_->starts.size());
+    if (kind_->form->form->from_to) {
+      const std::vector<double> borders = model::places_between(recorded_places(), 100000);
+      peak = peak_among(borders, both, peak, log_evidence);
+      places = static_cast<double>(borders.size() * (borders.size() + 1)) / 2;
+    }
     if (peak.log_evidence <= listed.log_evidence) return;
     best_.term = listed.term;
     best_.term.values = peak.values;
-    const double most = with_sizes(best_.term), places = static_cast<double>(kind_->starts.size());
+    const double most = with_sizes(best_.term);
     over_grid_ = log_sum({over_grid_, most + peak.log_share - std::log(places)});
     best_.term.by_grid = over_grid_ - most;
     best_.log_evidence = over_grid_;
@@ -208,6 +214,25 @@ class Question : Approximation {
     keep_modes();
     if (may_be_always && asked_.front().term.values[*kind_->begins] != always.values[*kind_->begins])
       best_.always = always;
+  }
+
+  /// Between which the rows' own residuals say that it acts.
+  void add_places() {
+    constexpr std::size_t most_places = 200;
+    const std::size_t from = kind_->starts.front().size() - 2;
+    const model::Spans spans = model::spans_in(scores_alone(), true, most_places);
+    double highest = -1e300;
+    for (const model::Span& span : spans.likeliest) {
+      Asked within{0, term_at(kind_->starts.front())};
+      within.term.values[from] = span.from;
+      within.term.values[from + 1] = span.to;
+      within.log_evidence = with_sizes(within.term);
+      highest = std::max(highest, within.log_evidence);
+      asked_.push_back(std::move(within));
+    }
+    if (spans.possible > 0)
+      over_grid_ = log_sum({over_grid_, highest - std::log(static_cast<double>(spans.possible))});
+    keep_modes();
   }
 
   /// With sizes as the catalogue has them.

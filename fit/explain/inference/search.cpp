@@ -14,12 +14,6 @@ namespace {
 
 using numbers::tries;
 
-std::vector<const Kind*> with(const Hypothesis& h, const Kind& kind) {
-  std::vector<const Kind*> key = h.kinds();
-  key.insert(std::ranges::upper_bound(key, &kind), &kind);
-  return key;
-}
-
 Hypothesis without(const Hypothesis& h, std::size_t term) {
   Hypothesis less;
   less.terms = h.terms, less.base = h.base;
@@ -187,8 +181,9 @@ class Climber {
   std::optional<Fitted> fit_each(const Hypothesis& h, const std::vector<Candidate>& candidates) {
     std::vector<Hypothesis> list;
     for (const Candidate& candidate : candidates) {
-      if (visited_.contains(with(h, *candidate.term.kind))) continue;
-      list.push_back(with_term(h, candidate.term));
+      Hypothesis more = with_term(h, candidate.term);
+      if (is_known(more)) continue;
+      list.push_back(std::move(more));
       if (candidate.always) list.push_back(with_term(h, *candidate.always));
     }
     return fit_all(list);
@@ -208,12 +203,23 @@ class Climber {
     return take_if_better(fit_all(list));
   }
 
+  /// What begins and ends between recorded places stays where it was found: elsewhere it is another one.
+  [[nodiscard]] bool is_known(const Hypothesis& h) const {
+    const auto known = visited_.find(h.kinds());
+    if (known == visited_.end()) return false;
+    return std::ranges::all_of(h.terms, [&](const Term& term) {
+      if (!term.kind->is_form() || !term.kind->form->form->from_to) return true;
+      const auto& other = *std::ranges::find(known->second.terms, term.kind, &Term::kind);
+      return std::equal(term.values.end() - 2, term.values.end(), other.values.end() - 2);
+    });
+  }
+
   /// Without each of its terms, but those that are known.
   void add_shorter(const Hypothesis& h, std::vector<Hypothesis>& list) const {
     if (h.terms.size() < 2) return;
     for (std::size_t t = 0; t < h.terms.size(); ++t) {
       Hypothesis less = without(h, t);
-      if (!visited_.contains(less.kinds()) &&
+      if (!is_known(less) &&
           std::ranges::none_of(list, [&](const Hypothesis& other) { return other.kinds() == less.kinds(); }))
         list.push_back(std::move(less));
     }

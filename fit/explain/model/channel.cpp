@@ -24,6 +24,12 @@ std::size_t channel_of(const std::string& id) {
   return static_cast<std::size_t>(std::ranges::find(kinds, id, &ChannelKind::id) - kinds.begin());
 }
 
+Eigen::VectorXd NormalRows::score_alone(const Eigen::VectorXd& eta) const {
+  const Eigen::VectorXd y =
+      Eigen::VectorXd::NullaryExpr(rows(), [&](Eigen::Index i) { return statistic(i); });
+  return information(eta).cwiseProduct(y - eta);
+}
+
 Eigen::VectorXd NormalRows::white_residual(const Eigen::VectorXd& eta) const {
   return whitened(Eigen::VectorXd::NullaryExpr(rows(), [&](Index i) { return statistic(i) - eta[i]; }), eta);
 }

@@ -77,6 +77,8 @@ class ChannelRows : public Rows {
   [[nodiscard]] virtual Eigen::VectorXd score(const Eigen::VectorXd& eta) const {
     return whitened(Eigen::VectorXd::Ones(rows()), eta).col(0).cwiseProduct(white_residual(eta));
   }
+  /// The same, as if each row came alone.
+  [[nodiscard]] virtual Eigen::VectorXd score_alone(const Eigen::VectorXd& eta) const { return score(eta); }
   /// The score divided by that root: what a scoring step is fitted to.
   [[nodiscard]] virtual Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const = 0;
 
@@ -115,6 +117,7 @@ class NormalRows : public ChannelRows {
     return -0.5 * white_residual(eta).cwiseAbs2();
   }
   [[nodiscard]] bool has_fixed_information() const override { return true; }
+  [[nodiscard]] Eigen::VectorXd score_alone(const Eigen::VectorXd& eta) const override;
   [[nodiscard]] Eigen::VectorXd white_residual(const Eigen::VectorXd& eta) const override;
 
  protected:

@@ -70,7 +70,7 @@ const ChannelInWords& in_words_of(Channel channel) {
                                   ChannelInWords{"range_mm_per_m", "range's scale", " mm/m", 1000, 100},
                                   ChannelInWords{"beam_angle_deg", "beam angle", " deg", deg_per_rad, 100},
                                   ChannelInWords{"stage_angle_deg", "stage angle", " deg", deg_per_rad, 100},
-                                  ChannelInWords{"range_mm", "place", " mm", 1, 0.5}};
+                                  ChannelInWords{"range_mm", "surface", " mm", 1, 0.5}};
   return all[static_cast<std::size_t>(channel)];
 }
 

@@ -119,7 +119,7 @@ constexpr Way ways[] = {
 };
 /// Of every target by itself: what a surface does at its place, and where it is found from time to time.
 constexpr std::pair<Coordinate, Act> of_one_target[] = {
-    {Coordinate::target, on_intensity}, {Coordinate::target, on_range}, {Coordinate::time, on_place}};
+    {Coordinate::target, on_intensity}, {Coordinate::target, on_place}, {Coordinate::time, on_place}};
 
 Axis axis_of_rows(const Scale& scale, const Way& way) {
   constexpr std::size_t most = 400, parts = 40;
@@ -285,7 +285,7 @@ void add_forms(const std::vector<ChannelKind>& what,
       for (const int target : targets) add_forms_along({coordinate, on, target}, *channels[c], kinds);
       for (std::size_t k = before; k < kinds.size(); ++k)
         kinds[k].log_prior = -std::log(static_cast<double>(targets.size()));
-      if (on.channel == on_range.channel && on.changes == on_range.changes)
+      if (coordinate == Coordinate::target && on.changes == on_place.changes)
         add_forms_along({Coordinate::target, on, all_targets}, *channels[c], kinds);
     }
   }

@@ -15,6 +15,11 @@ struct Draws {
   int scans = 0;
 };
 
+/// Where one of the cells lies that were taken together in a row.
+struct CellOfRow {
+  double range_mm = 0, along_mm = 0;  ///< As in its circumstances.
+};
+
 /// Rows with a predictor to which effects add, each in circumstances of its own.
 class Rows {
  public:
@@ -25,8 +30,8 @@ class Rows {
   [[nodiscard]] virtual const Circumstances& at(Eigen::Index row) const = 0;
   /// What an effect adds to the row's predictor.
   [[nodiscard]] virtual double response(Eigen::Index row, const Effect& effect) const = 0;
-  /// Ranges of the cells that were taken together in the row, where a comb may have other teeth; empty: one.
-  [[nodiscard]] virtual std::span<const double> ranges_mm(Eigen::Index) const { return {}; }
+  /// The cells that were taken together in the row, among which an effect may begin or end; empty: one.
+  [[nodiscard]] virtual std::span<const CellOfRow> cells_of(Eigen::Index) const { return {}; }
   /// Times since the stage's last move of scans that were taken together in the row, where it shows by how
   /// much an angle differs among them; empty: it does not.
   [[nodiscard]] virtual std::span<const double> times_s(Eigen::Index) const { return {}; }

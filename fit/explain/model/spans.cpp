@@ -62,8 +62,7 @@ std::vector<double> places_between(std::vector<double> places, std::size_t most)
   return {list.begin() + 1, list.end() - 1};
 }
 
-Spans spans_in(std::vector<RowScore> rows, bool either_sign) {
-  constexpr std::size_t most_places = 60;
+Spans spans_in(std::vector<RowScore> rows, bool either_sign, std::size_t most_places) {
   const std::vector<Border> borders = borders_of(std::move(rows), most_places);
   Spans spans;
   std::vector<std::pair<double, Span>> tried;

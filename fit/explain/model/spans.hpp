@@ -34,9 +34,9 @@ struct Spans {
   std::size_t possible = 0;     ///< All that there are.
 };
 
-/// Spans that begin and end between recorded places (of very many places, between groups of neighbours) and
+/// Spans that begin and end between recorded places (of more than so many, between groups of neighbours) and
 /// leave some of them out, the likeliest few by the score test of an effect within the span and none outside.
-[[nodiscard]] Spans spans_in(std::vector<RowScore> rows, bool either_sign);
+[[nodiscard]] Spans spans_in(std::vector<RowScore> rows, bool either_sign, std::size_t most_places = 60);
 
 /// Between recorded places, where they are farthest apart, that many at most; not before the first nor behind
 /// the last.

@@ -15,15 +15,17 @@ bool acts_there(const Kind& kind, const Circumstances& at) {
   return kind.target < 0 || at.target == kind.target;
 }
 
-/// On average over the cells that are taken together in a row, where a comb may have other teeth.
-Effect of_comb(const Kind& kind, Circumstances at, std::span<const double> ranges_mm,
-               const std::vector<double>& values) {
-  Effect mean;  // a comb changes nothing but ranges
-  for (const double range_mm : ranges_mm) {
-    at.range_mm = range_mm;
+/// On average over the cells that are taken together in a row: a comb may have other teeth there, and a piece
+/// of a target begins and ends.
+Effect over_cells(const Kind& kind, Circumstances at, std::span<const CellOfRow> cells,
+                  const std::vector<double>& values) {
+  Effect mean;  // neither changes anything but ranges
+  for (const CellOfRow& cell : cells) {
+    at.range_mm = cell.range_mm;
+    at.along_mm = cell.along_mm;
     mean.range_mm += kind.mechanism->act(at, values).range_mm;
   }
-  mean.range_mm /= static_cast<double>(ranges_mm.size());
+  mean.range_mm /= static_cast<double>(cells.size());
   return mean;
 }
 
@@ -75,8 +77,9 @@ double step_of_comb(const Rows& channel, double bin_mm) {
 }  // namespace
 
 Effect effect_at(const Rows& channel, Index row, const Kind& kind, const std::vector<double>& values) {
-  const std::span<const double> ranges_mm = channel.ranges_mm(row), times_s = channel.times_s(row);
-  if (kind.bins && !ranges_mm.empty()) return of_comb(kind, channel.at(row), ranges_mm, values);
+  const std::span<const CellOfRow> cells = channel.cells_of(row);
+  const std::span<const double> times_s = channel.times_s(row);
+  if (kind.differs_within_rows() && !cells.empty()) return over_cells(kind, channel.at(row), cells, values);
   Effect effect = kind.mechanism->act(channel.at(row), values);
   if (times_s.empty() || effect.stage_rad == 0) return effect;
   Circumstances at = channel.at(row);
@@ -99,7 +102,8 @@ Eigen::VectorXd effect_of(const Rows& channel, const Kind& kind, const std::vect
   for (Index i = 0; i < channel.rows(); ++i) {
     const Circumstances& at = channel.at(i);
     if (!acts_there(kind, at)) continue;
-    if (!before || kind.bins || !(at == *before)) effect = effect_at(channel, i, kind, values);
+    if (!before || kind.differs_within_rows() || !(at == *before))
+      effect = effect_at(channel, i, kind, values);
     before = &at;
     const double response = channel.response(i, effect);
     if (std::isfinite(response)) column[i] = response;
@@ -192,7 +196,7 @@ std::vector<std::size_t> refined_shapes_of(const Kind& kind) {
 
 Eigen::MatrixXd columns_of(const Rows& channel, const Kind& kind, const std::vector<double>& values,
                            const Kind::Acting* acting) {
-  if (kind.functions) return columns_of_form(channel, kind, values);
+  if (kind.functions && !kind.differs_within_rows()) return columns_of_form(channel, kind, values);
   Eigen::MatrixXd columns =
       Eigen::MatrixXd::Zero(channel.rows(), static_cast<Index>(kind.coefficients.size()));
   for (std::size_t k = 0; k < kind.coefficients.size(); ++k) {

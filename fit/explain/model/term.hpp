@@ -67,6 +67,10 @@ struct Kind {
   bool is_plain = false;  ///< What makes its formula more general stays where it is left out.
 
   [[nodiscard]] bool is_form() const { return form.has_value(); }
+  /// From one of the cells that are taken together in a row to the next: a comb, or a piece of a target.
+  [[nodiscard]] bool differs_within_rows() const {
+    return bins || (is_form() && form->form->from_to && form->is_along_one_target());
+  }
   [[nodiscard]] bool moves_means() const { return explain::moves_means(*mechanism); }
   /// The same cause, whether plain or not.
   [[nodiscard]] bool is_same_cause(const Kind& other) const {

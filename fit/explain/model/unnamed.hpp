@@ -21,7 +21,7 @@ struct Shape {
   /// middle.
   int target = -1;
   double at = 0;                    ///< Place or period, file unit of the coordinate.
-  double length = 0;                ///< Extent, as its form has it.
+  double length = 0;                ///< Extent, or where it ends, as its form has it.
   double size = 1;                  ///< Standard size of the prior: mm or rad.
   std::vector<double> places = {};  ///< Of a form with a value for each of them.
   std::vector<double> values = {};  ///< Coefficients, after a fit.
@@ -75,6 +75,7 @@ struct Form {
   std::function<double(const Shape&, double x, int term)> basis;
   /// Standard sizes of the coefficients where the whole has that of 1; empty: all 1.
   std::function<std::vector<double>(const Shape&)> shares;
+  bool from_to = false;       ///< Acts between two places, wherever these are.
   bool whole_places = false;  ///< Between the places to look for there are no others.
   /// Those to look for along a coordinate: places, extents and prior odds.
   std::function<std::vector<Shape>(const Axis&)> along;

@@ -37,6 +37,8 @@ struct Device {
   /// Scans come again, or break off.
   std::function<bool(std::int64_t seq)> is_again = [](std::int64_t) { return false; };
   std::function<int(std::int64_t seq)> beams_of = [](std::int64_t) { return 1000; };
+  /// Of the light that a usual wall sends back; none: no intensities.
+  std::function<double(double x_mm, double y_mm)> grey = {};
   double odd_beams_mm = 0;  ///< Every other beam reads that much long.
   double rho = 0;           ///< Of its noise, from scan to scan.
   double lost = 0;          ///< Share of echoes.
@@ -53,7 +55,7 @@ Explanation explained(const Device& device, long scans, const Device* beside = n
   std::uniform_real_distribution<double> share(0, 1);
   std::vector<double> noise(271, 0.0);
   const auto scan_of = [&](const Device& one, const fit::CaptureInfo& capture, std::int64_t seq,
-                           std::vector<std::uint16_t>& range) {
+                           std::vector<std::uint16_t>& range, std::vector<std::uint16_t>& intensity) {
     if (one.is_again(seq)) return;  // it is as it was
     for (std::size_t k = 0; k < range.size(); ++k) {
       const double beam = (static_cast<double>(k) - 135) * degree, rho = seq == 0 ? 0 : one.rho;
@@ -66,6 +68,9 @@ Explanation explained(const Device& device, long scans, const Device* beside = n
       const double bearing = capture.stage_rad + beam, x = met->range_mm * std::cos(bearing),
                    y = met->range_mm * std::sin(bearing),
                    wall = one.wall_mm(x, y) + one.out_mm(x, y, time_s) / std::cos(met->incidence_rad);
+      if (one.grey)
+        intensity[k] = static_cast<std::uint16_t>(
+            std::lround(one.grey(x, y) * 3e6 * std::cos(met->incidence_rad) / met->range_mm));
       const int at = static_cast<int>(k);
       const double mm = met->range_mm + wall + noise[k] + (k % 2 != 0 ? one.odd_beams_mm : 0);
       range[k] = one.is_dead(at) || share(random) < one.lost || at >= one.beams_of(seq)
@@ -75,7 +80,7 @@ Explanation explained(const Device& device, long scans, const Device* beside = n
   };
   const auto recorded_by = [&](const Device& one) {
     return SyntheticRecording(bench, [&](const fit::CaptureInfo& capture, std::int64_t seq, auto& range,
-                                         auto&) { scan_of(one, capture, seq, range); });
+                                         auto& intensity) { scan_of(one, capture, seq, range, intensity); });
   };
   SyntheticRecording recording = recorded_by(device), other = recorded_by(beside ? *beside : device);
   for (int i = 0; i < 16; ++i) {
@@ -103,6 +108,20 @@ TEST_CASE("a wall that is not flat is told by its place on it, and nothing is na
   REQUIRE(e.unknown);
   CHECK(e.unknown->coordinate == fit::Coordinate::target);
   CHECK_THAT(e.unknown->describes, Catch::Contains("along target 'north'"));
+}
+
+TEST_CASE("a piece of a wall that stands out is told with its ends, and its other grey makes no walk of it") {
+  const auto is_on_it = [](double x, double y) { return y > 2000 && std::abs(x + 300) < 350; };
+  const Explanation e =
+      explained({.out_mm = [&](double x, double y, double) { return is_on_it(x, y) ? -12 : 0; },
+                 .grey = [&](double x, double y) { return is_on_it(x, y) ? 0.3 : 1; }},
+                12);
+  INFO(to_text(e));
+  CHECK(e.mechanisms.empty());
+  CHECK(e.undecided_between.empty());
+  REQUIRE(e.unknown);
+  CHECK_THAT(e.unknown->describes, Catch::StartsWith("the surface changes by -12") &&
+                                       Catch::Contains("from the place along target 'north'"));
 }
 
 TEST_CASE("a corrugated wall is told as rough, and no wave of the range is named for it") {
