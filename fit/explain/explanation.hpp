@@ -37,6 +37,7 @@ struct Found : Finding {
 /// A curve for the report: residual means against a coordinate, before and after.
 struct Curve {
   Coordinate coordinate = Coordinate::beam;
+  std::string target = {};  ///< Along which, by the place on it, mm from its middle; empty: none.
   std::vector<double> at, before_mm, after_mm, sigma_mm;
 };
 

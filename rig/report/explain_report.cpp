@@ -61,7 +61,10 @@ std::string mechanism_section(const json& m) {
 
 std::string curve_section(const json& curve) {
   Plot plot;
-  const CoordinateWords coordinate = coordinate_in_words(curve.at("coordinate").get<std::string>());
+  const CoordinateWords coordinate =
+      curve.contains("target")
+          ? CoordinateWords{"the place on target '" + curve.at("target").get<std::string>() + "'", "mm"}
+          : coordinate_in_words(curve.at("coordinate").get<std::string>());
   plot.title = "Mean residual along " + coordinate.name;
   plot.x_label = coordinate.with_unit();
   plot.y_label = "recording - simulation (mm)";

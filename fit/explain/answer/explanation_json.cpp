@@ -66,12 +66,14 @@ json to_json(const Explanation& e) {
                        {"observable", name_of(l.observable)},
                        {"p_value", number(l.p_value)}});
   for (const Found& found : e.mechanisms) mechanisms.push_back(found_json(found, e));
-  for (const Curve& c : e.curves)
+  for (const Curve& c : e.curves) {
     curves.push_back({{"coordinate", name_of(c.coordinate)},
                       {"at", c.at},
                       {"before_mm", c.before_mm},
                       {"after_mm", c.after_mm},
                       {"u_mm", c.sigma_mm}});
+    if (!c.target.empty()) curves.back()["target"] = c.target;
+  }
   const double cells = std::max(1.0, e.after.cells);
   json out{{"schema", "explanation/1"},
            {"verdict", e.verdict},

@@ -19,10 +19,11 @@ constexpr int bins = 30;
 
 /// Equal parts of a coordinate, and which of them every mean is in; -1: none.
 struct Bins {
-  Bins(const MeanModel& model, Coordinate along) : coordinate(along) {
+  /// `target`: of the places along that one.
+  Bins(const MeanModel& model, Coordinate along, int target = -1) : coordinate(along) {
     std::vector<double> at;
     for (Eigen::Index i = 0; i < model.rows(); ++i)
-      all.add(at.emplace_back(coordinate_at(model, coordinate, i)));
+      all.add(at.emplace_back(coordinate_at(model, coordinate, i, target)));
     for (const double v : at) of_row.push_back(std::isfinite(v) ? bin(v) : -1);
   }
   [[nodiscard]] bool varies() const { return all.high > all.low; }
@@ -128,10 +129,11 @@ std::vector<Located> locate_residuals(const MeanModel& model, double false_disco
 }
 
 /// Of the residual means.
-Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate) {
+Curve curve_of(const MeanModel& before, const MeanModel& after, Coordinate coordinate, int target) {
   Curve curve;
   curve.coordinate = coordinate;
-  Bins parts(before, coordinate);
+  if (target >= 0) curve.target = before.bench().target_at(target).name;
+  Bins parts(before, coordinate, target);
   if (!parts.varies()) return curve;
   parts.of_row.resize(static_cast<std::size_t>(std::min(before.rows(), after.rows())));
   const std::vector<double> sum = weighted(parts, before, before.residual()),
@@ -213,15 +215,17 @@ void locate(const MeanModel& before, const Reduced& reduced, const Inferred& inf
 
 /// A curve for every coordinate of what was found, and for beam, range and time.
 std::vector<Curve> curves(const MeanModel& before, const MeanModel& after, const Hypothesis& best) {
-  std::vector<Coordinate> wanted;
-  for (const Active& term : best.terms) wanted.push_back(term.mechanism->coordinate);
-  for (const Shape& shape : best.shapes) wanted.push_back(shape.coordinate);
-  for (const Coordinate c : {Coordinate::beam, Coordinate::range, Coordinate::time}) wanted.push_back(c);
-  std::set<Coordinate> drawn;
+  std::vector<std::pair<Coordinate, int>> wanted;  // and the target along which
+  for (const Active& term : best.terms) wanted.emplace_back(term.mechanism->coordinate, -1);
+  for (const Shape& shape : best.shapes)
+    wanted.emplace_back(shape.coordinate, shape.is_along_one_target() ? shape.target : -1);
+  for (const Coordinate c : {Coordinate::beam, Coordinate::range, Coordinate::time})
+    wanted.emplace_back(c, -1);
+  std::set<std::pair<Coordinate, int>> drawn;
   std::vector<Curve> list;
-  for (const Coordinate c : wanted) {
-    if (!drawn.insert(c).second) continue;
-    Curve curve = curve_of(before, after, c);
+  for (const auto& [coordinate, target] : wanted) {
+    if (!drawn.insert({coordinate, target}).second) continue;
+    Curve curve = curve_of(before, after, coordinate, target);
     if (curve.at.size() > 1) list.push_back(std::move(curve));
   }
   return list;

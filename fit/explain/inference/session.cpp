@@ -8,6 +8,7 @@
 
 #include "fit/explain/model/autoregression.hpp"
 #include "fit/explain/model/hypothesis.hpp"
+#include "fit/explain/model/neighbours.hpp"
 #include "fit/explain/model/scans.hpp"
 #include "fit/explain/model/stage_stops.hpp"
 #include "fit/explain/numbers.hpp"
@@ -66,7 +67,8 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   if (std::ranges::all_of(noise.range_mm2, is_none)) noise.range_mm2.clear();
   if (std::ranges::all_of(noise.angle_rad2, is_none)) noise.angle_rad2.clear();
   if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
-  noise.factor *= 1 + std::max(0.0, all.shared_by_neighbours);
+  noise.neighbours = 1 + std::max(0.0, all.shared_by_neighbours);
+  if (noise.neighbours > 1) noise.neighbours_of_target = model::inflation_of_targets(reduced);
   return noise;
 }
 

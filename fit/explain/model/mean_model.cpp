@@ -88,7 +88,11 @@ void pool_variances(Reduced& reduced, const MeanNoise& noise) {
 
 double variance_of_mean(const Cell& cell, const MeanNoise& noise) {
   const double v = cell.pooled_mm2, u_edge_mm = std::max(cell.u_edge_mm, cell.mixed_mm);
-  return noise.factor * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
+  const auto target = static_cast<std::size_t>(std::max(0, cell.sight.target));
+  double neighbours = noise.neighbours;
+  if (target < noise.neighbours_of_target.size())
+    neighbours = std::max(neighbours, noise.neighbours_of_target[target]);
+  return noise.factor * neighbours * v / cell.n + rounding_variance(std::sqrt(v)) + never_mm * never_mm +
          u_edge_mm * u_edge_mm;
 }
 

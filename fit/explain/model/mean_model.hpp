@@ -15,6 +15,8 @@ namespace fit::explain {
 /// common beyond it.
 struct MeanNoise {
   double factor = 1;               ///< On the variance of every mean: noise with memory.
+  double neighbours = 1;           ///< The same: noise that neighbouring beams share ...
+  std::vector<double> neighbours_of_target;  ///< ... where it is more than that; empty: nowhere.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
   std::vector<double> angle_rad2;  ///< Variance of an angle common to a group; empty: none.
   double stop_rad2 = 0;            ///< Variance of an angle common to a stop of the stage.

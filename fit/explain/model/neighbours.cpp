@@ -149,6 +149,24 @@ double inflation_of_sums(const Reduced& reduced) {
   return if_certain(ratio / std::max(1.0, n), n);
 }
 
+std::vector<double> inflation_of_targets(const Reduced& reduced) {
+  struct Sum {
+    double shared = 0, own = 0, samples = 0;
+  };
+  std::vector<Sum> sums(reduced.bench.targets.size());
+  for (const Cell& cell : reduced.cells) {
+    if (!cell.usable || cell.n < 3 || cell.sight.target < 0) continue;
+    Sum& sum = sums[static_cast<std::size_t>(cell.sight.target)];
+    sum.shared += cell.with_neighbours_mm2;
+    sum.own += cell.variance_mm2;
+    sum.samples += cell.n - 1;
+  }
+  std::vector<double> list;
+  for (const Sum& sum : sums)  // a sum over 2 k beams scatters as much as 2 k products
+    list.push_back(sum.own > 0 ? if_certain(1 + sum.shared / sum.own, sum.samples / neighbours_aside) : 1);
+  return list;
+}
+
 double inflation_of_squares(const Reduced& reduced) {
   double ratio = 0, n = 0;
   for (const Group& group : reduced.groups) {

@@ -24,6 +24,8 @@ struct SectorScatter {
 
 /// Variance of a sum over a sector by that of independent beams; 1 unless that is certain.
 [[nodiscard]] double inflation_of_sums(const Reduced& reduced);
+/// Variance of a sum over the beams of each target by that of independent beams; 1 where that is not certain.
+[[nodiscard]] std::vector<double> inflation_of_targets(const Reduced& reduced);
 /// How many samples say as much of their variance as one independent, normal one; 1 unless that is certain.
 [[nodiscard]] double inflation_of_squares(const Reduced& reduced);
 

@@ -17,6 +17,8 @@
 namespace fit::explain {
 
 /// Statistics of one beam in one group of scans: what remains of the samples.
+constexpr int neighbours_aside = 16;
+
 struct Cell {
   int group = 0;
   double beam_rad = 0;
@@ -55,6 +57,9 @@ struct Cell {
   double pooled_mm2 = 0;       ///< Variance of one sample, shared with its neighbours; 0: not yet pooled.
   /// What changes from scan to scan and is predicted: its mean over the scans, mm, and its variance, mm^2.
   double of_scans_mm = 0, of_scans_mm2 = 0;
+  /// Covariance of a sample with the sum of those around it, `neighbours_aside` beams to either side, in the
+  /// same scan, less what all of the scan have in common.
+  double with_neighbours_mm2 = 0;
   /// Of scans with their own geometry: mean square of how far beams lie beside `beam_rad`.
   double aside_rad2 = 0;
   /// Of several beams taken together: standard deviation of their angles, and d range / d angle (mm per rad)

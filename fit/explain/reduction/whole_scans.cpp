@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "fit/explain/reduction/lag_products.hpp"
@@ -92,12 +93,26 @@ class WholeScans {
       if (scan > 0) ++group_.pairs;
     }
     products_.add(deviation_, group_);
+    add_neighbours();
     add_squares(squares - count, count);
   }
 
  private:
   [[nodiscard]] const Cell& cell_of(std::size_t beam) const {
     return session_.cells[static_cast<std::size_t>(cell_of_beam_[beam])];
+  }
+
+  void add_neighbours() {
+    constexpr std::size_t aside = neighbours_aside;
+    std::vector<double> sum(deviation_.size() + 1, 0.0);
+    std::partial_sum(deviation_.begin(), deviation_.end(), sum.begin() + 1);
+    for (std::size_t beam = 0; beam < deviation_.size(); ++beam) {
+      if (!good_[beam]) continue;
+      const double around = sum[std::min(deviation_.size(), beam + aside + 1)] -
+                            sum[std::max(beam, aside) - aside] - deviation_[beam];
+      Cell& cell = session_.cells[static_cast<std::size_t>(cell_of_beam_[beam])];
+      cell.with_neighbours_mm2 += deviation_[beam] * around / std::max(1, cell.n - 1);
+    }
   }
 
   /// How the sum of squares of so many degrees of freedom, less their number, goes on from that of the scan

@@ -120,8 +120,10 @@ TEST_CASE("a piece of a wall that stands out is told with its ends, and its othe
   CHECK(e.mechanisms.empty());
   CHECK(e.undecided_between.empty());
   REQUIRE(e.unknown);
-  CHECK_THAT(e.unknown->describes, Catch::StartsWith("the surface changes by -12") &&
-                                       Catch::Contains("from the place along target 'north'"));
+  CHECK_THAT(e.unknown->describes, Catch::StartsWith("a piece of target 'north', from 2") &&
+                                       Catch::Contains(" lies 12.") &&
+                                       Catch::Contains("mm nearer than the rest of it"));
+  CHECK(e.curves.front().target == "north");
 }
 
 TEST_CASE("a corrugated wall is told as rough, and no wave of the range is named for it") {

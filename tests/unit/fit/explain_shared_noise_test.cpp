@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Noise that neighbouring beams share, made by a moving average over beams.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -25,6 +26,7 @@ struct Air {
   double jitter_deg = 0;  ///< Of whole scans.
   int beams = 541;        ///< Around the front.
   double lost = 0;        ///< Share of echoes.
+  double within_rad = 10;  ///< Of the room's front: elsewhere no noise is shared.
   unsigned seed = 1;
 };
 
@@ -55,7 +57,10 @@ auto look_through(const Air& air, const Look& look) {
         for (std::size_t k = 0; k < range.size(); ++k) {
           const double beam = (capture.first_step + static_cast<double>(k) - 270) * 0.5 * degree + turned;
           const auto met = plain_bench::look(plain_bench::room, {}, capture.stage_rad, beam, {});
-          const double noise = std::sqrt(air.share) * shared[k] + std::sqrt(1 - air.share) * normal(random);
+          const bool is_there =
+              std::abs(std::remainder(capture.stage_rad + beam, 2 * fit::pi)) < air.within_rad;
+          const double share = is_there ? air.share : 0,
+                       noise = std::sqrt(share) * shared[k] + std::sqrt(1 - share) * normal(random);
           range[k] = static_cast<std::uint16_t>(std::lround(met->range_mm + sigma_mm * noise));
           if (air.lost > 0 && lot(random) < air.lost) range[k] = 0;
         }
@@ -95,6 +100,26 @@ TEST_CASE(
       CHECK(ratio / n == Approx(1).margin(4 * std::sqrt(2 / n)));
       if (jitter_deg == 0) CHECK(fit::explain::model::inflation_of_squares(reduced) == 1);
     }
+}
+
+TEST_CASE("noise that neighbours share before one wall makes that one's means uncertain, and no other's") {
+  const fit::explain::Reduced reduced =
+      look_through({.beams_alike = 12, .share = 0.5, .within_rad = 0.6, .seed = 6},
+                   [](const fit::Recording& room) { return fit::explain::reduce(room, {}); });
+  const std::vector<double> of_targets = fit::explain::model::inflation_of_targets(reduced);
+  REQUIRE(of_targets.size() == 4);
+  const auto east = static_cast<std::size_t>(
+      std::ranges::find(reduced.bench.targets, "east", &fit::Target::name) - reduced.bench.targets.begin());
+  // Half of the variance is independent, and a sum over twelve equal beams has twelve times that of one; from
+  // -34 to 34 deg of the wall, which is seen from -36 to 53. A part of it goes for what scans have in common.
+  constexpr double at_most = 1 + 5.5 * 68 / 89;
+  for (std::size_t t = 0; t < of_targets.size(); ++t) {
+    INFO(reduced.bench.targets[t].name << " " << of_targets[t]);
+    if (t == east)
+      CHECK((of_targets[t] > 0.7 * at_most && of_targets[t] < 1.1 * at_most));
+    else
+      CHECK(of_targets[t] == 1);
+  }
 }
 
 TEST_CASE("scans of two echoes say nothing of noise that neighbours share") {
