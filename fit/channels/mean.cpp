@@ -38,6 +38,18 @@ Columns of_uneven_surfaces(const MeanModel& model) {
   return out;
 }
 
+/// Where every row lies on its target.
+std::vector<model::RoughSurfaces::Place> places_of(const MeanModel& model) {
+  std::vector<model::RoughSurfaces::Place> places;
+  for (Index i = 0; i < model.rows(); ++i) {
+    const Circumstances& at = model.cell(i).at;
+    const double weight = 1 / model.sigma_of_mean(i);
+    places.push_back(
+        {at.target, model.cell(i).group, at.along_mm, weight, weight * range_per_mm_out(at.cos_incidence)});
+  }
+  return places;
+}
+
 /// Means of cells: normal around the predicted range, what a group has in common included.
 class Means final : public model::NormalRows {
  public:
@@ -115,20 +127,9 @@ class Means final : public model::NormalRows {
   }
 
  private:
-  /// Where every row lies on its target.
-  [[nodiscard]] std::vector<model::RoughSurfaces::Place> places() const {
-    std::vector<model::RoughSurfaces::Place> places;
-    for (Index i = 0; i < rows(); ++i) {
-      const Circumstances& at = model_.cell(i).at;
-      const double weight = 1 / model_.sigma_of_mean(i);
-      places.push_back({at.target, model_.cell(i).group, at.along_mm, weight,
-                        weight * range_per_mm_out(at.cos_incidence)});
-    }
-    return places;
-  }
   /// What is left of surfaces where formulas may deviate, too.
   [[nodiscard]] model::LikeliestSurfaces surfaces_beside(const Eigen::VectorXd& eta) const {
-    return model::likeliest_surfaces(places(), model_.whitened(model_.raw_residual() - eta));
+    return model::likeliest_surfaces(places_of(model_), model_.whitened(model_.raw_residual() - eta));
   }
   /// Places go across groups: with errors that groups share besides, these are divided out behind them, all
   /// at once. Where they are too many for that, they go first, and nothing is said of places.
@@ -142,11 +143,11 @@ class Means final : public model::NormalRows {
       information_[i] = 1 / (variances[i] * model_.variance_of_mean(i));
   }
   void divide_out_places(Eigen::VectorXd& variances, Eigen::MatrixXd& shared) {
-    const auto where = places();
+    const auto places = places_of(model_);
     rough_ = surfaces_beside(Eigen::VectorXd::Zero(rows())).surfaces;
     for (Index i = 0; i < rows(); ++i)
-      variances[i] += rough_->variance_mm2(where[static_cast<std::size_t>(i)].target) *
-                      std::pow(where[static_cast<std::size_t>(i)].slope, 2);
+      variances[i] += rough_->variance_mm2(places[static_cast<std::size_t>(i)].target) *
+                      std::pow(places[static_cast<std::size_t>(i)].slope, 2);
     rough_->whiten(shared);
     if (shared.cols() > 0) shared_.emplace(0, std::move(shared));
     log_weights_.array() -= rough_->log_determinant() / (2 * static_cast<double>(model_.rows()));

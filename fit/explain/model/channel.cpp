@@ -25,9 +25,8 @@ std::size_t channel_of(const std::string& id) {
 }
 
 Eigen::VectorXd NormalRows::score_alone(const Eigen::VectorXd& eta) const {
-  const Eigen::VectorXd y =
-      Eigen::VectorXd::NullaryExpr(rows(), [&](Eigen::Index i) { return statistic(i); });
-  return information(eta).cwiseProduct(y - eta);
+  return information(eta).cwiseProduct(
+      Eigen::VectorXd::NullaryExpr(rows(), [&](Index i) { return statistic(i) - eta[i]; }));
 }
 
 Eigen::VectorXd NormalRows::white_residual(const Eigen::VectorXd& eta) const {
