@@ -18,24 +18,27 @@ std::vector<Eigen::MatrixXd> whitened_around(const Session& session, const Optim
   return columns;
 }
 
-std::vector<Eigen::MatrixXd> Approximation::whitened_at(std::size_t first, std::size_t count) const {
+std::vector<Quadratic> Approximation::projected_at(std::size_t first, std::size_t count) const {
+  std::vector<const std::vector<Session::AtStart>*> starts;
+  for (std::size_t i = first; i < first + count; ++i) starts.push_back(&session_->at_start(*kind_, i));
   std::vector<Eigen::MatrixXd> white(session_->channels().size());
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::vector<Eigen::MatrixXf>& columns = session_->at_start(*kind_, first + i).columns;
-    for (std::size_t c = 0; c < columns.size(); ++c) {
-      const Index n = columns[c].cols();
-      if (n == 0) continue;
-      if (i == 0) white[c].resize(columns[c].rows(), static_cast<Index>(count) * n);
+  for (std::size_t c = 0; c < white.size(); ++c)
+    for (std::size_t i = 0; i < count; ++i) {
+      const Session::AtStart& at = (*starts[i])[c];
+      const Eigen::MatrixXf& columns = at.white.size() > 0 ? at.white : at.columns;
+      const Index n = columns.cols();
+      if (n == 0) break;
+      if (i == 0) white[c].resize(columns.rows(), static_cast<Index>(count) * n);
       auto here = white[c].middleCols(static_cast<Index>(i) * n, n);
-      here = columns[c].cast<double>();
+      here = columns.cast<double>();
       if (around_->root[c].size() > 0) here.array().colwise() *= around_->root[c].array();
     }
-  }
-  return white;
+  return projected(*fitted_, *around_, white, count, starts);
 }
 
 std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
-                                 const std::vector<Eigen::MatrixXd>& columns, std::size_t count) {
+                                 const std::vector<Eigen::MatrixXd>& columns, std::size_t count,
+                                 std::span<const std::vector<Session::AtStart>* const> starts) {
   const auto terms = static_cast<Index>(count);
   Index k = 0;
   for (const auto& c : columns) k = std::max(k, c.cols() / terms);
@@ -44,13 +47,18 @@ std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (columns[c].cols() == 0) continue;
     const Index n = columns[c].cols() / terms;
-    const Eigen::MatrixXd with = transpose_product(around.white[c], columns[c]);
+    const bool is_known = !starts.empty() && (*starts.front())[c].white.size() > 0;
+    const Index known = is_known ? (*starts.front())[c].with_base.rows() : 0,
+                others = around.white[c].cols() - known;  // the base comes first
+    Eigen::MatrixXd with(known + others, columns[c].cols());
+    with.bottomRows(others) = transpose_product(around.white[c].rightCols(others), columns[c]);
     const Eigen::VectorXd along = columns[c].transpose() * around.white_residual[c];
     const auto& index = fitted.design.parts[c].index;
     for (Index t = 0; t < terms; ++t) {
-      const auto white = columns[c].middleCols(t * n, n);
+      const Session::AtStart* at = is_known ? &(*starts[static_cast<std::size_t>(t)])[c] : nullptr;
+      if (at) with.block(0, t * n, known, n) = at->with_base;
       Quadratic& q = list[static_cast<std::size_t>(t)];
-      q.square.topLeftCorner(n, n) += square_of_columns(white);
+      q.square.topLeftCorner(n, n) += at ? at->square : square_of_columns(columns[c].middleCols(t * n, n));
       q.along.head(n) += along.segment(t * n, n);
       cross(index, Eigen::seqN(t * k, n)) += with.middleCols(t * n, n);
     }
@@ -95,7 +103,7 @@ std::vector<double> Approximation::with_sizes_at_starts(std::vector<Term>& terms
     if (kind_->acts_without_size) logs[i] = gain_of_offset(terms[i], i);
   for (std::size_t first = 0; first < terms.size() && !kind_->coefficients.empty(); first += together) {
     const std::size_t count = std::min(together, terms.size() - first);
-    const std::vector<Quadratic> each = projected(*fitted_, *around_, whitened_at(first, count), count);
+    const std::vector<Quadratic> each = projected_at(first, count);
     for (std::size_t i = 0; i < count; ++i)
       logs[first + i] = with_sizes(terms[first + i], each[i], logs[first + i]);
   }
@@ -167,7 +175,7 @@ double Approximation::gain_of_offset(const Term& term, std::optional<std::size_t
     if (!kind_->acts_in[c].without_size) continue;
     const ChannelRows& rows = *session_->channels()[c];
     const Eigen::VectorXd offset =
-        start ? session_->at_start(*kind_, *start).without_size[c].cast<double>().eval()
+        start ? session_->at_start(*kind_, *start)[c].without_size.cast<double>().eval()
               : model::effect_without_size(rows, *kind_, term.values);
     if (offset.size() > 0 && !offset.isZero(0))
       sum += rows.log_likelihood(fitted_->optimum.eta[c] + offset) - fitted_->optimum.of_channel[c];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "fit/explain/inference/fit.hpp"
@@ -14,9 +15,10 @@ namespace fit::explain::inference {
                                                            std::vector<Eigen::MatrixXd> columns);
 /// Of the whitened columns of so many terms beside each other, with the base and present terms integrated
 /// out. Channels may have different numbers of them: the first ones are the same coefficients in all.
-[[nodiscard]] std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
-                                               const std::vector<Eigen::MatrixXd>& columns,
-                                               std::size_t count = 1);
+/// `starts`: where terms stand at starts, what of their products is known; by term and channel.
+[[nodiscard]] std::vector<Quadratic> projected(
+    const Fitted& fitted, const Optimum& around, const std::vector<Eigen::MatrixXd>& columns,
+    std::size_t count = 1, std::span<const std::vector<Session::AtStart>* const> starts = {});
 
 /// What one kind would add to a fitted hypothesis, by the quadratic approximation of all channels there.
 class Approximation {
@@ -60,8 +62,8 @@ class Approximation {
   const Kind* kind_;
 
  private:
-  /// At so many of its starts, beside each other.
-  [[nodiscard]] std::vector<Eigen::MatrixXd> whitened_at(std::size_t first, std::size_t count) const;
+  /// At so many of its starts.
+  [[nodiscard]] std::vector<Quadratic> projected_at(std::size_t first, std::size_t count) const;
   [[nodiscard]] Quadratic projected_columns(std::vector<Eigen::MatrixXd> columns) const;
   double with_sizes(Term& term, const Quadratic& likelihood, double without_size) const;
   [[nodiscard]] std::vector<Eigen::MatrixXd> columns_of(const Term& term) const;

@@ -6,6 +6,7 @@
 #include <functional>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <optional>
 
 #include "fit/explain/inference/approximation.hpp"
@@ -34,9 +35,8 @@ class Question : Approximation {
       for (Term& term : terms) logs.push_back(with_sizes(term));
     else
       logs = with_sizes_at_starts(terms);
-    // Of a whole number each is asked, with harmonics, which may be the larger part of its effect.
     const bool whole = !kind_->refines && !is_form();
-    for (std::size_t i = 0; whole && i < terms.size(); ++i) logs[i] = with_everything(terms[i], false);
+    if (whole) add_deviations(terms, logs);
     for (std::size_t i = 0; i < terms.size(); ++i) {
       const double penalty = penalty_of(terms[i]);
       logs[i] -= penalty;
@@ -68,7 +68,7 @@ class Question : Approximation {
       const double first_of_it = firsts.try_emplace(choice_of(one.term), one.log_evidence).first->second;
       if (kind_->refines && one.log_evidence < first_of_it - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
-      const double known = with_everything(there, false);
+      const double known = kind_->refines ? with_everything(there, false) : one.log_evidence + one.penalty;
       modes.push_back(known + (refines ? width_at(there, known) : 0) - one.penalty);
       if (modes.back() <= most) continue;
       most = modes.back();
@@ -158,6 +158,17 @@ class Question : Approximation {
     const bool is_longest = term.values[*gear] > 0.999 * period.upper;
     return std::log(2 * (is_longest ? 1 : periods - 1) / periods);
   }
+  /// Of whole numbers and moments, with what the formula leaves open: harmonics may be the larger part of the
+  /// effect.
+  void add_deviations(const std::vector<Term>& terms, std::vector<double>& logs) const {
+    constexpr std::size_t most = 8;
+    std::vector<std::size_t> best(logs.size());
+    std::iota(best.begin(), best.end(), 0);
+    std::ranges::sort(best, std::greater<>(), [&](std::size_t i) { return logs[i]; });
+    if (best.size() > most) best.resize(most);
+    for (const std::size_t i : best) logs[i] = with_everything(terms[i], false);
+  }
+
   /// The best of each choice.
   void keep_modes() {
     std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);

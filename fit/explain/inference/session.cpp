@@ -110,7 +110,7 @@ Session::Session(Reduced& reduced, MeanNoise noise, const Nuisance& there)
   std::vector<Hypothesis> none;
   linearise(nothing, none);
   kinds_ = std::make_shared<const std::vector<Kind>>(model::kinds_of(reduced_, channels_));
-  columns_.assign(kinds_->size(), {});
+  at_starts_.assign(kinds_->size(), {});
 }
 
 void Session::make_channels(const MeanNoise& noise) {
@@ -137,24 +137,41 @@ void Session::make_channels(const MeanNoise& noise) {
   }
 }
 
-const Session::AtStart& Session::at_start(const Kind& kind, std::size_t start) const {
-  auto& by_start = columns_[static_cast<std::size_t>(&kind - kinds_->data())];
-  if (by_start.empty())
-    for (const auto& values : kind.starts) {
-      AtStart& at = by_start.emplace_back();
-      at.columns.resize(channels_.size());
-      at.without_size.resize(channels_.size());
-      for (std::size_t c = 0; c < channels_.size(); ++c) {
-        if (!kind.acts_in[c]) continue;
-        Eigen::MatrixXd columns = model::columns_of(*channels_[c], kind, values, &kind.acts_in[c]);
-        if (channels_[c]->has_fixed_information()) columns = channels_[c]->whitened(std::move(columns), {});
-        at.columns[c] = columns.cast<float>();
-        if (!kind.acts_in[c].without_size) continue;
-        const Eigen::VectorXd effect = model::effect_without_size(*channels_[c], kind, values);
-        if (!effect.isZero(0)) at.without_size[c] = effect.cast<float>();
+const std::vector<Session::AtStart>& Session::at_start(const Kind& kind, std::size_t start) const {
+  auto& by_start = at_starts_[static_cast<std::size_t>(&kind - kinds_->data())];
+  if (by_start.empty()) by_start.assign(kind.starts.size(), std::vector<AtStart>(channels_.size()));
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    AtStart& at = by_start[start][c];
+    if (!kind.acts_in[c]) continue;
+    const ChannelRows& rows = *channels_[c];
+    if (at.columns.rows() == 0) {
+      at.columns = model::columns_of(rows, kind, kind.starts[start], &kind.acts_in[c]).cast<float>();
+      if (kind.acts_in[c].without_size) {
+        const Eigen::VectorXd effect = model::effect_without_size(rows, kind, kind.starts[start]);
+        if (!effect.isZero(0)) at.without_size = effect.cast<float>();
       }
     }
+    if (!white_base_[c]) continue;
+    if (at.white.rows() == 0) {
+      const Eigen::MatrixXd white = rows.whitened(at.columns.cast<double>(), {});
+      at.square = square_of_columns(white);
+      at.white = white.cast<float>();
+    }
+    if (at.with_base.cols() == 0)
+      at.with_base = transpose_product(white_base_[c]->white, at.white.cast<double>());
+  }
   return by_start[start];
+}
+
+void Session::keep_starts(std::size_t channel, bool same_rows, bool same_noise) {
+  for (auto& by_start : at_starts_)
+    for (auto& by_channel : by_start) {
+      AtStart& at = by_channel[channel];
+      // A little farther on columns change by less than a screen asks for.
+      if (!same_rows) at = {};
+      if (!same_noise) at.white = {};
+      at.with_base = {};
+    }
 }
 
 Index Session::first_base(std::size_t channel) const {
@@ -231,9 +248,8 @@ void Session::linearise(Hypothesis& at, std::vector<Hypothesis>& following) {
           reduced_, active.values[*bin], active.values[*bin + 1],
           present_noise_.stop_rad2 + std::pow(reduced_.bench.stage_resolution_rad, 2) / 12);
   make_channels(present_noise_);
-  // Otherwise columns change by less than a screen asks for.
-  if (!is_as_noisy || row_counts() != before)
-    for (auto& kept : columns_) kept.clear();
+  const std::vector<Index> now = row_counts();
+  for (std::size_t c = 0; c < channels_.size(); ++c) keep_starts(c, now[c] == before[c], is_as_noisy);
   // Coefficients count from the bench file, not from where the prediction is.
   const std::size_t mean = mean_channel();
   const Eigen::VectorXd moved = there.as_vector() - Nuisance(reduced_.bench).as_vector();

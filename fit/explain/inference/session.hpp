@@ -67,13 +67,16 @@ class Session {
   [[nodiscard]] const std::vector<Kind>& kinds() const { return *kinds_; }
   /// Terms point to these.
   [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
-  /// What a kind does at one of its starts, by channel.
+  /// What a kind does at one of its starts in one channel.
   struct AtStart {
-    std::vector<Eigen::MatrixXf> columns;       ///< Per coefficient; whitened where the information is fixed.
-    std::vector<Eigen::VectorXf> without_size;  ///< Whatever its sizes are; empty where that is nothing.
+    Eigen::MatrixXf columns;       ///< Per coefficient, as the first linearisation with these rows had them.
+    Eigen::VectorXf without_size;  ///< Whatever its sizes are; empty where that is nothing.
+    /// Where the information is fixed: the columns with it, their products, and those with the base's.
+    Eigen::MatrixXf white;
+    Eigen::MatrixXd square, with_base;
   };
-  /// Of the first linearisation with this noise; one kind must not be asked for by two threads at once.
-  [[nodiscard]] const AtStart& at_start(const Kind& kind, std::size_t start) const;
+  /// By channel; one kind must not be asked for by two threads at once.
+  [[nodiscard]] const std::vector<AtStart>& at_start(const Kind& kind, std::size_t start) const;
   /// Mount and targets as the coefficients have them.
   [[nodiscard]] Nuisance nuisance(const Hypothesis& h) const;
   /// First of a channel's base coefficients among those of all.
@@ -82,6 +85,8 @@ class Session {
 
  private:
   void make_channels(const MeanNoise& noise);
+  /// Forgets of a channel's starts what does not hold any more.
+  void keep_starts(std::size_t channel, bool same_rows, bool same_noise);
   [[nodiscard]] double mean_range_mm() const;
   [[nodiscard]] std::vector<Active> means_at_work(const Hypothesis& h) const;
   /// Where bins lie is known against what is recorded: they follow when mount and targets make all ranges
@@ -95,7 +100,7 @@ class Session {
   std::vector<Eigen::VectorXd> offsets_;
   std::vector<std::shared_ptr<const Squared>> white_base_;
   std::shared_ptr<const std::vector<Kind>> kinds_;
-  mutable std::vector<std::vector<AtStart>> columns_;  ///< By kind and start.
+  mutable std::vector<std::vector<std::vector<AtStart>>> at_starts_;  ///< By kind, start and channel.
 };
 
 }  // namespace fit::explain::inference

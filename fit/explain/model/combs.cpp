@@ -2,6 +2,7 @@
 #include "fit/explain/model/combs.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <functional>
@@ -54,21 +55,26 @@ std::vector<Line> lines_of(const std::vector<RowScore>& rows, const Parameter& b
   return lines;
 }
 
-double along_comb(const std::vector<RowScore>& rows, const Comb& comb) {
-  double sum = 0;
+constexpr int zeros_aside = 2, zeros = 2 * zeros_aside + 1;
+constexpr double zero_step = 1.0 / 16;
+
+/// Along combs of one bin: the one that is given in the middle, and others with their zeros beside its.
+std::array<double, zeros> along_combs(const std::vector<RowScore>& rows, const Comb& comb) {
+  std::array<double, zeros> sums{};
   for (const RowScore& row : rows) {
-    const double counted = row.place / comb.bin + comb.zero;
-    sum += row.score * (std::round(counted) - counted);
+    const double counted = row.place / comb.bin + comb.zero, part = counted - std::floor(counted);
+    for (int j = 0; j < zeros; ++j) {
+      const double x = part + (j - zeros_aside) * zero_step;  // more than -0.5, less than 1.5
+      sums[static_cast<std::size_t>(j)] += row.score * ((x < 0.5 ? 0 : 1) - x);
+    }
   }
-  return sum;
+  return sums;
 }
 
 }  // namespace
 
 std::vector<Comb> combs_in(const std::vector<RowScore>& rows, const Parameter& bins, bool any_zero) {
   constexpr std::size_t kept = 6;
-  constexpr int zeros_aside = 2;
-  constexpr double zero_step = 1.0 / 16;
   if (rows.size() < kept) return {};
   const Extent places = extent_of(rows);
   const double within_a_line = 1 / (16 * (places.length() + bins.upper)),
@@ -77,16 +83,13 @@ std::vector<Comb> combs_in(const std::vector<RowScore>& rows, const Parameter& b
   for (const Line& line : lines_of(rows, bins, any_zero))
     for (int k = -2; k <= 2; ++k) {
       const double bin = std::clamp(1 / (line.frequency + k * within_a_line), bins.lower, bins.upper);
-      if (!any_zero) {
-        tried.emplace_back(along_comb(rows, {bin, 0}), Comb{bin, 0});
-        continue;
-      }
       // Another bin about the same teeth in the middle.
-      const double as_there = line.zero + middle * (line.frequency - 1 / bin);
-      for (int j = -zeros_aside; j <= zeros_aside; ++j) {
-        const double zero = as_there + j * zero_step;
-        const Comb comb{bin, zero - std::floor(zero)};
-        tried.emplace_back(along_comb(rows, comb), comb);
+      const double zero = any_zero ? line.zero + middle * (line.frequency - 1 / bin) : 0;
+      const std::array<double, zeros> sums = along_combs(rows, {bin, zero});
+      for (int j = 0; j < zeros; ++j) {
+        if (!any_zero && j != zeros_aside) continue;
+        const double there = zero + (j - zeros_aside) * zero_step;
+        tried.emplace_back(sums[static_cast<std::size_t>(j)], Comb{bin, there - std::floor(there)});
       }
     }
   keep_best(kept, tried, [](const auto& one) { return one.first; });

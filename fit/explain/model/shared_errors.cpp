@@ -2,6 +2,7 @@
 #include "fit/explain/model/shared_errors.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -18,8 +19,22 @@ SharedErrors::SharedErrors(Eigen::Index first, Eigen::MatrixXd z) : first_(first
 }
 
 void SharedErrors::whiten(Eigen::MatrixXd& columns) const {
-  auto rows = columns.middleRows(first_, z_.rows());
-  rows -= z_ * (shrink_ * (z_.transpose() * rows).eval());
+  constexpr Eigen::Index few = 2;  // for which products of matrices do not pay
+  if (z_.cols() > few) {
+    auto rows = columns.middleRows(first_, z_.rows());
+    rows -= z_ * (shrink_ * (z_.transpose() * rows).eval());
+    return;
+  }
+  for (Eigen::Index k = 0; k < columns.cols(); ++k) {
+    auto rows = columns.col(k).segment(first_, z_.rows());
+    std::array<double, few> along{};
+    for (Eigen::Index j = 0; j < z_.cols(); ++j) along[static_cast<std::size_t>(j)] = z_.col(j).dot(rows);
+    for (Eigen::Index j = 0; j < z_.cols(); ++j) {
+      double by = 0;
+      for (Eigen::Index l = 0; l < z_.cols(); ++l) by += shrink_(j, l) * along[static_cast<std::size_t>(l)];
+      rows -= by * z_.col(j);
+    }
+  }
 }
 
 }  // namespace fit::explain::model
