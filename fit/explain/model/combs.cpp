@@ -15,7 +15,8 @@ namespace fit::explain::model {
 namespace {
 
 struct Line {
-  double strength = 0, frequency = 0, zero = 0;
+  double strength = 0, frequency = 0;
+  std::complex<double> amplitude;
 };
 
 Extent extent_of(const std::vector<RowScore>& rows) {
@@ -37,19 +38,19 @@ std::vector<Line> lines_of(const std::vector<RowScore>& rows, const Parameter& b
   for (const RowScore& row : rows)
     grid[std::min(size - 1, static_cast<std::size_t>((row.place - places.low) / step + 0.5))] += row.score;
   std::vector<std::complex<double>> spectrum;
-  Eigen::FFT<double> transform;
+  Eigen::FFT<double> transform(Eigen::default_fft_impl<double>(), Eigen::FFT<double>::HalfSpectrum);
   transform.fwd(spectrum, grid);
+  const double spacing = 1 / (static_cast<double>(size) * step);
+  const std::complex<double> next = std::polar(1.0, -2 * pi * spacing * places.low);
+  std::complex<double> from_zero(1, 0);  // turns a line's phase to where the coordinate is zero
   std::vector<Line> lines;
   for (std::size_t k = 1; k < size / 2; ++k) {
-    const double frequency = static_cast<double>(k) / (static_cast<double>(size) * step);
+    from_zero *= next;
+    const double frequency = static_cast<double>(k) * spacing;
     if (frequency < 1 / bins.upper || frequency > 1 / bins.lower) continue;
     // Rounding reads short just above a multiple: minus a sine.
-    const std::complex<double> line =
-        spectrum[k] * std::polar(1.0, -2 * pi * frequency * places.low) / std::complex<double>(0, 1);
-    if (any_zero)
-      lines.push_back({std::abs(line), frequency, std::arg(line) / (2 * pi)});
-    else
-      lines.push_back({std::real(line), frequency});
+    const std::complex<double> line = spectrum[k] * from_zero * std::complex<double>(0, -1);
+    lines.push_back({any_zero ? std::norm(line) : std::real(line), frequency, line});
   }
   keep_best(kept, lines, &Line::strength);
   return lines;
@@ -80,11 +81,12 @@ std::vector<Comb> combs_in(const std::vector<RowScore>& rows, const Parameter& b
   const double within_a_line = 1 / (16 * (places.length() + bins.upper)),
                middle = (places.low + places.high) / 2;
   std::vector<std::pair<double, Comb>> tried;
-  for (const Line& line : lines_of(rows, bins, any_zero))
+  for (const Line& line : lines_of(rows, bins, any_zero)) {
+    const double of_line = std::arg(line.amplitude) / (2 * pi);
     for (int k = -2; k <= 2; ++k) {
       const double bin = std::clamp(1 / (line.frequency + k * within_a_line), bins.lower, bins.upper);
       // Another bin about the same teeth in the middle.
-      const double zero = any_zero ? line.zero + middle * (line.frequency - 1 / bin) : 0;
+      const double zero = any_zero ? of_line + middle * (line.frequency - 1 / bin) : 0;
       const std::array<double, zeros> sums = along_combs(rows, {bin, zero});
       for (int j = 0; j < zeros; ++j) {
         if (!any_zero && j != zeros_aside) continue;
@@ -92,6 +94,7 @@ std::vector<Comb> combs_in(const std::vector<RowScore>& rows, const Parameter& b
         tried.emplace_back(sums[static_cast<std::size_t>(j)], Comb{bin, there - std::floor(there)});
       }
     }
+  }
   keep_best(kept, tried, [](const auto& one) { return one.first; });
   std::vector<Comb> list;
   for (const auto& [sum, comb] : tried) list.push_back(comb);

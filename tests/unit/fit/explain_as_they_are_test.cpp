@@ -126,7 +126,7 @@ TEST_CASE("a piece of a wall that stands out is told with its ends, and its othe
   CHECK(e.curves.front().target == "north");
 }
 
-TEST_CASE("a corrugated wall is told as rough, and no wave of the range is named for it") {
+TEST_CASE("a corrugated wall is told as rough, and no wave of the range is named for it", "[long]") {
   const Explanation e = explained(
       {.wall_mm = [](double x, double y) { return y > 3000 ? 5 * std::sin(2 * fit::pi * x / 230) : 0; }}, 12);
   INFO(to_text(e));

@@ -331,7 +331,7 @@ TEST_CASE("a stage that slips by a degree half way moves nothing else") {
   CHECK((by_mount || by_stage));
 }
 
-TEST_CASE("a stage that slips by several degrees half way has no mistyped captures") {
+TEST_CASE("a stage that slips by several degrees half way has no mistyped captures", "[long]") {
   std::vector<Stop> stops = stops_all_round(9);
   for (std::size_t i = 5; i < stops.size(); ++i) stops[i].true_deg += 4;
   const SyntheticRecording recording = recorded(stops, 5, {}, 3);

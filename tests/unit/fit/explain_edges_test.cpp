@@ -69,7 +69,7 @@ plain_bench::Conceal loose_at_edges(const PlainScene& scene, double sigma_deg, u
   };
 }
 
-TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam") {
+TEST_CASE("angles drawn anew for every scan widen edges, and are no wide beam", "[long]") {
   const Explanation e = explained(boards(), 5, jitter(0.15));
   INFO(to_text(e));
   const auto* angles = found(e, "angle-jitter");
@@ -99,7 +99,7 @@ class OwnBeginnings final : public fit::Forwarded {
   plain_bench::Conceal off_;
 };
 
-TEST_CASE("scans that begin each at an angle of its own, and say so, are no wide beam") {
+TEST_CASE("scans that begin each at an angle of its own, and say so, are no wide beam", "[long]") {
   const double reach_deg = GENERATE(0.002, 0.2);
   const PlainScene scene{plain_bench::furnished};
   const plain_bench::Conceal begins = [reach_deg](double, double, double time_s) {
@@ -167,7 +167,7 @@ TEST_CASE("angles drawn anew for every scan shift a corridor's walls to and fro,
   }
 }
 
-TEST_CASE("a stage that swings after its moves sweeps edges to and fro, and is no wide beam") {
+TEST_CASE("a stage that swings after its moves sweeps edges to and fro, and is no wide beam", "[long]") {
   constexpr double first_s = 1800, each_s = 20;
   const PlainScene scene{.walls = plain_bench::furnished};
   const auto swinging = [](double, double, double time_s) {
@@ -190,7 +190,7 @@ TEST_CASE("a stage that swings after its moves sweeps edges to and fro, and is n
   CHECK_FALSE(e.unknown);
 }
 
-TEST_CASE("a beam that times all that it meets is no stray light and no light over corners") {
+TEST_CASE("a beam that times all that it meets is no stray light and no light over corners", "[long]") {
   const PlainScene scene{.walls = {{{3200, -2100}, {3200, 1400}},
                                    {{3200, 1400}, {-2300, 1800}},
                                    {{-2300, 1800}, {-2300, -2100}},
@@ -359,7 +359,7 @@ TEST_CASE(
   CHECK(beam->parameters.at("width_deg").value == Approx(0.06).epsilon(0.25));
 }
 
-TEST_CASE("boards with a dark rim are no wide beam") {
+TEST_CASE("boards with a dark rim are no wide beam", "[long]") {
   const auto explained_of = [](const PlainScene& scene,
                                void (*record)(SyntheticRecording&, const PlainScene&)) {
     const auto with_rim = [scene](double beam_rad, double stage_rad, auto&, auto& intensity) {
@@ -529,7 +529,8 @@ TEST_CASE("a few samples between two surfaces do not hide how wide a beam is", "
   CHECK(e.mechanisms.front().parameters.at("width_deg").value == Approx(0.08).epsilon(0.25));
 }
 
-TEST_CASE("samples of both surfaces at a few of a sweep's stops are no chance of where hard edges are") {
+TEST_CASE("samples of both surfaces at a few of a sweep's stops are no chance of where hard edges are",
+          "[long]") {
   const PlainScene scene = seventeen_beams();
   const bool is_soft = GENERATE(true, false);
   const plain_bench::Conceal soft = loose_at_edges(scene, is_soft ? 0.012 : 0, 7);

@@ -86,7 +86,7 @@ TEST_CASE("angles that are known to scatter from scan to scan scatter by chance 
   }
 }
 
-TEST_CASE("a beam that is stated as wide may time all its light, at corners and at free edges") {
+TEST_CASE("a beam that is stated as wide may time all its light, at corners and at free edges", "[long]") {
   const bool in_a_room = GENERATE(true, false);
   PlainScene scene{in_a_room ? std::vector<Wall>{{{3200, -2100}, {3200, 1400}},
                                                  {{3200, 1400}, {-2300, 1800}},

@@ -449,7 +449,7 @@ std::unique_ptr<SyntheticRecording> at_temperature(std::optional<double> celsius
 
 }  // namespace
 
-TEST_CASE("temperatures of several sessions count from the first that was read") {
+TEST_CASE("temperatures of several sessions count from the first that was read", "[long]") {
   const auto cool = at_temperature(20, 0), warm = at_temperature(32, 6);
   auto all = fit::explain::reduce(*cool, {});
   reduce_into(all, *warm, {});

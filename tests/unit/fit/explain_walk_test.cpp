@@ -124,7 +124,7 @@ TEST_CASE("a saturation that levels off is one") {
   CHECK(std::ranges::count(names, "saturation") == 1);
 }
 
-TEST_CASE("an offset and a scale in a ladder of one grey are no walk for certain") {
+TEST_CASE("an offset and a scale in a ladder of one grey are no walk for certain", "[long]") {
   const double scale = GENERATE(0.003, -0.006);
   const unsigned seed = GENERATE(1U, 2U);
   const fit::Bench bench = fit::parse_bench(R"({"schema": "bench/1", "lidar": {"steps": 9, "front_step": 4,

@@ -152,7 +152,8 @@ TEST_CASE("noise at all angles for a while is unknown physics at that time, and 
   CHECK(is_located(e, fit::Coordinate::time, 255, 435, between_captures_s));
 }
 
-TEST_CASE("echoes that light hides for a while are sunlight at these beams and times, and no weak echoes") {
+TEST_CASE("echoes that light hides for a while are sunlight at these beams and times, and no weak echoes",
+          "[long]") {
   const Explanation e = explained([](double beam_deg, double time_s, double) {
     const bool shines = std::abs(beam_deg - 40) < 14 && time_s > 255 && time_s < 435;
     return Light{.lost = shines ? 0.2 : 0};
@@ -294,7 +295,8 @@ TEST_CASE("a part of a wall that is rough is light, or what no mechanism makes")
   CHECK(std::ranges::count(e.undecided_between.front(), "unknown-physics") == 1);
 }
 
-TEST_CASE("two sectors of noisy beams, at all times and without losses, are not told as light for sure") {
+TEST_CASE("two sectors of noisy beams, at all times and without losses, are not told as light for sure",
+          "[long]") {
   const auto sector = [](double beam_deg, double centre_deg) {
     return std::exp(-std::pow((beam_deg - centre_deg) / 12, 2));
   };

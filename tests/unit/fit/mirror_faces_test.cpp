@@ -83,7 +83,7 @@ TEST_CASE("two or three faces have no harmonics that could be their amplitude") 
   CHECK(amplitude.u < 0.1 * truth_mm);
 }
 
-TEST_CASE("the amplitude of mirror faces is not weighed by the samples that show it") {
+TEST_CASE("the amplitude of mirror faces is not weighed by the samples that show it", "[long]") {
   const bool noise_grows = GENERATE(false, true);
   const Explanation e = explained({1.8, -1.8}, 5, 0, 60, false, noise_grows);
   INFO(to_text(e));
