@@ -33,9 +33,9 @@ Effect& Effect::operator+=(const Effect& other) {
   scan_range_variance_mm2 += other.scan_range_variance_mm2;
   own_range_variance_mm2 += other.own_range_variance_mm2;
   shared_by_neighbours += other.shared_by_neighbours;
-  if (other.memory_share > memory_share) {
-    memory_share = other.memory_share;
-    memory_rho = other.memory_rho;
+  if (other.ar1_share > ar1_share) {
+    ar1_share = other.ar1_share;
+    ar1_rho = other.ar1_rho;
   }
   lost = 1 - (1 - lost) * (1 - other.lost);
   stray = 1 - (1 - stray) * (1 - other.stray);

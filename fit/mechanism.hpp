@@ -112,8 +112,8 @@ struct Effect {
   double own_range_variance_mm2 = 0;                    ///< One range for every beam, in all scans alike.
   /// Neighbouring beams share noise: by how much more sums over many beams scatter than independent ones do.
   double shared_by_neighbours = 0;
-  double memory_rho = 0;       ///< The noise remembers: AR(1) from scan to scan ...
-  double memory_share = 0;     ///< ... for this share of the variance.
+  double ar1_rho = 0;          ///< Noise is AR(1) from scan to scan, with this coefficient ...
+  double ar1_share = 0;        ///< ... for this share of the variance.
   double lost = 0;             ///< Probability of no echo.
   double stray = 0;            ///< Probability of a range that has nothing to do with the target.
   double late = 0, early = 0;  ///< Probability of a range somewhat beyond, or before, what noise makes.

@@ -158,11 +158,11 @@ class ModelEngine : public Engine {
   [[nodiscard]] double noise(std::size_t step, const fit::Effect& e) {
     const double variance = e.variance_mm2 > 0 ? e.variance_mm2 : options_.sigma_mm * options_.sigma_mm;
     double white = random_.normal();
-    if (e.memory_share > 0) {
+    if (e.ar1_share > 0) {
       double& state = memory_[step];
-      const double rho = std::clamp(e.memory_rho, 0.0, 0.9999);
+      const double rho = std::clamp(e.ar1_rho, 0.0, 0.9999);
       state = rho * state + std::sqrt(1 - rho * rho) * random_.normal();
-      white = std::sqrt(e.memory_share) * state + std::sqrt(std::max(0.0, 1 - e.memory_share)) * white;
+      white = std::sqrt(e.ar1_share) * state + std::sqrt(std::max(0.0, 1 - e.ar1_share)) * white;
     }
     return std::sqrt(variance) * white;
   }

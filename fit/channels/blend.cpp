@@ -22,8 +22,8 @@ class Blends final : public model::Counts {
   }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::tail_hazard; }
   /// Beyond the most that blending makes there is no curvature.
-  [[nodiscard]] Eigen::VectorXd observed(Eigen::VectorXd eta) const override {
-    return steady(std::move(eta));
+  [[nodiscard]] Eigen::VectorXd expansion_for_last_steps(Eigen::VectorXd eta) const override {
+    return expansion_for_steps(std::move(eta));
   }
 
  protected:

@@ -145,8 +145,8 @@ model::ChannelKind make_common() {
     add_whole_scans(reduced, model::fewest_in_common, list);
     if (list.rows.empty()) return nullptr;
     add_sectors(reduced, model::fewest_in_common, list);
-    // Scans that remember the noise of those before say less of how they scatter.
-    const double worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
+    // Autocorrelated scans say less of how they scatter.
+    const double worth = model::worth_for_variance(noise.ar1_rho, noise.ar1_share);
     for (IndependentRows::Row& row : list.rows) row.n *= worth;
     return std::make_unique<CommonOfScans>(std::move(list.rows), std::move(list.parts),
                                            reduced.wave_hz.has_value());

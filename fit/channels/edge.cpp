@@ -55,7 +55,7 @@ class Edges final : public model::WidthRows {
   }
   [[nodiscard]] std::optional<SpreadCurve> picture(const Eigen::VectorXd& before,
                                                    const Eigen::VectorXd& after) const override {
-    return model::shares_along(list_, possible(before), possible(after));
+    return model::shares_along(list_, feasible(before), feasible(after));
   }
 
  private:

@@ -109,7 +109,7 @@ class Means final : public model::NormalRows {
            " (standard deviation). What is smaller on one target is told from its shape only where others "
            "show it as well.";
   }
-  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd& eta) const override {
+  [[nodiscard]] std::vector<Unexplained> unexplained(const Eigen::VectorXd& eta) const override {
     std::vector<Unexplained> list;
     if (!rough_) return list;
     const model::LikeliestSurfaces beside = surfaces_beside(eta);

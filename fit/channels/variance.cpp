@@ -112,7 +112,7 @@ class Variances final : public model::GammaRows {
            "else only beyond that.";
   }
 
-  [[nodiscard]] std::vector<Unexplained> strained(const Eigen::VectorXd&) const override {
+  [[nodiscard]] std::vector<Unexplained> unexplained(const Eigen::VectorXd&) const override {
     std::vector<Unexplained> list;
     add_if_odd(std::abs(shape_.skewness.value), shape_.skewness.u,
                "samples scatter farther to the " + std::string(shape_.skewness.value > 0 ? "long" : "short") +
@@ -134,14 +134,13 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
                                                 const model::NoiseOfBeams& own) {
   constexpr int beams = 8;
   constexpr double least_share = 0.05;
-  const double worth = model::worth_for_variance(noise.memory_rho, noise.memory_share);
+  const double worth = model::worth_for_variance(noise.ar1_rho, noise.ar1_share);
   double kurtosis = 0, freedom = 0;
   std::map<int, double> shares;  // of the variance that the sample variance of so many shows
   const auto share_of = [&](int n) {
     const auto [at, is_new] = shares.try_emplace(n, 0);
     if (is_new)
-      at->second =
-          std::max(least_share, model::share_in_sample_variance(n, noise.memory_rho, noise.memory_share));
+      at->second = std::max(least_share, model::share_in_sample_variance(n, noise.ar1_rho, noise.ar1_share));
     return at->second;
   };
   const OutputSteps& steps = reduced.output_steps;
@@ -160,7 +159,7 @@ std::vector<IndependentRows::Row> variance_rows(const Reduced& reduced, const Me
   });
   // Where a mean lies between coarse steps decides its variance.
   const bool is_uneven = own.variance > 0 || steps.step_mm > 1;
-  // Samples with tails say less of their variance, and so do those that remember or share their noise.
+  // Samples with tails say less of their variance, and so do those whose noise is autocorrelated or shared.
   const double of_tails = freedom > 0 ? (kurtosis / freedom - 1) / 2 : 1,
                of_squares = own.variance > 0 ? 1 : model::inflation_of_squares(reduced),
                of_variances = is_uneven ? 1 : model::inflation_of_variances(reduced, worth),

@@ -29,8 +29,8 @@ Form make_bump() {
   };
   f.says = [](const Shape& s, const Course& c) {
     const double reach = 1.2 * s.length, width_at_half = 2.355 * s.length;
-    return Described{"the " + c.what + " has a bump of " + rounded(s.values.front() * c.scale, 3) + c.unit +
-                         " at " + c.coordinate + " = " + rounded(s.at, 4) + c.unit_of_coordinate + ", " +
+    return Described{"the " + c.what + " has a bump of " + c.in_words(s.coefficient(0)) + " at " +
+                         c.coordinate + " = " + rounded(s.at, 4) + c.unit_of_coordinate + ", " +
                          rounded(width_at_half, 2) + c.unit_of_coordinate + " wide at half its height",
                      std::max(c.low, s.at - reach), std::min(c.high, s.at + reach)};
   };

@@ -13,8 +13,7 @@ Form make_constant() {
     return axis.expects_nothing ? std::vector<Shape>(1) : std::vector<Shape>();
   };
   f.says = [](const Shape& s, const Course& c) {
-    return Described{"the " + c.what + " is " + rounded(s.values.front() * c.scale, 3) + c.unit, c.low,
-                     c.high};
+    return Described{"the " + c.what + " is " + c.in_words(s.coefficient(0)), c.low, c.high};
   };
   return f;
 }

@@ -28,15 +28,15 @@ Form make_span() {
   };
   f.says = [](const Shape& s, const Course& c) {
     if (c.what == in_words_of(Channel::place).what && !c.target.empty()) {
-      const double nearer = -s.values.front() * c.scale;
+      const Estimate out = s.coefficient(0);
       return Described{"a piece of target '" + c.target + "', from " + rounded(s.at, 4) + " to " +
                            rounded(s.length, 4) + c.unit_of_coordinate + " from its middle, lies " +
-                           rounded(std::abs(nearer), 3) + c.unit + (nearer > 0 ? " nearer" : " farther") +
-                           " than the rest of it",
+                           c.in_words({std::abs(out.value), out.u}) +
+                           (out.value < 0 ? " nearer" : " farther") + " than the rest of it",
                        s.at, s.length};
     }
-    return Described{"the " + c.what + " changes by " + rounded(s.values.front() * c.scale, 3) + c.unit +
-                         " from " + c.coordinate + " = " + rounded(s.at, 4) + " to " + rounded(s.length, 4) +
+    return Described{"the " + c.what + " changes by " + c.in_words(s.coefficient(0)) + " from " +
+                         c.coordinate + " = " + rounded(s.at, 4) + " to " + rounded(s.length, 4) +
                          c.unit_of_coordinate,
                      s.at, s.length};
   };

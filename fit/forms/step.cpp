@@ -18,8 +18,8 @@ Form make_step() {
   };
   f.says = [](const Shape& s, const Course& c) {
     const double aside = (c.high - c.low) / 30;
-    return Described{"the " + c.what + " steps by " + rounded(s.values.front() * c.scale, 3) + c.unit +
-                         " at " + c.coordinate + " = " + rounded(s.at, 4) + c.unit_of_coordinate,
+    return Described{"the " + c.what + " steps by " + c.in_words(s.coefficient(0)) + " at " + c.coordinate +
+                         " = " + rounded(s.at, 4) + c.unit_of_coordinate,
                      s.at - aside, s.at + aside};
   };
   return f;

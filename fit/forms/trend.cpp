@@ -13,10 +13,10 @@ Form make_trend() {
   f.basis = [](const Shape& s, double x, int) { return (x - s.at) / s.length; };
   f.along = [](const Axis& axis) { return all_along(axis, Coordinate::time); };
   f.says = [](const Shape& s, const Course& c) {
-    const double all = 2 * s.values.front() * c.scale;
-    return Described{"the " + c.what + (all < 0 ? " falls" : " grows") + " evenly along " + c.coordinate +
-                         ", by " + rounded(std::abs(all), 3) + c.unit + " from " + rounded(c.low, 4) + " to " +
-                         rounded(c.high, 4) + c.unit_of_coordinate,
+    const Estimate half = s.coefficient(0);
+    return Described{"the " + c.what + (half.value < 0 ? " falls" : " grows") + " evenly along " +
+                         c.coordinate + ", by " + c.in_words({2 * std::abs(half.value), 2 * half.u}) +
+                         " from " + rounded(c.low, 4) + " to " + rounded(c.high, 4) + c.unit_of_coordinate,
                      c.low, c.high};
   };
   return f;

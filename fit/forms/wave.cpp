@@ -30,9 +30,11 @@ Form make_wave() {
     return list;
   };
   f.says = [](const Shape& s, const Course& c) {
-    const double amplitude = std::hypot(s.values[0], s.values[1]);
+    const Estimate sine = s.coefficient(0), cosine = s.coefficient(1);
+    const double amplitude = std::hypot(sine.value, cosine.value);
+    const double u = std::hypot(sine.value * sine.u, cosine.value * cosine.u) / std::max(1e-300, amplitude);
     return Described{"the " + c.what + " waves along " + c.coordinate + ": period " + rounded(s.at, 4) +
-                         c.unit_of_coordinate + ", amplitude " + rounded(amplitude * c.scale, 3) + c.unit,
+                         c.unit_of_coordinate + ", amplitude " + c.in_words({amplitude, u}),
                      c.low, c.high};
   };
   return f;

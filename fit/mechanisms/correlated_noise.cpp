@@ -16,7 +16,7 @@ Mechanism make_correlated_noise() {
                   {.name = "share", .typical = 0.2, .largest = 1, .sign = 1}};
   m.act = [](const Circumstances&, std::span<const double> p) {
     constexpr double most = 0.99;  // what never fades would be an offset
-    return Effect{.memory_rho = std::min(most, p[0]), .memory_share = p[1]};
+    return Effect{.ar1_rho = std::min(most, p[0]), .ar1_share = p[1]};
   };
   m.says = [](const Finding& f) {
     return "The noise remembers: " + rounded(100 * f.at("share").value, 2) +

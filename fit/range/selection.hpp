@@ -68,7 +68,7 @@ struct IntensityClass {
 /// Probability at which steady samples count as drifting.
 inline constexpr double chance_of_drift = 1e-3;
 
-/// How many values one independent value is worth of a series that remembers: 1 + 2 * (sum of its
+/// How many values one independent value is worth of an autocorrelated series: 1 + 2 * (sum of its
 /// autocorrelations, up to the first that chance could make). 1 for white noise.
 [[nodiscard]] double correlation_time(std::span<const double> values);
 

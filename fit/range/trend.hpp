@@ -9,10 +9,10 @@ namespace fit {
 
 /// A straight line through values in the order in which they were taken, by least squares.
 struct Trend {
-  Estimate rise;         ///< From the first to the last, in the values' unit. u: with their memory.
+  Estimate rise;         ///< From the first to the last, in the values' unit. u: with their autocorrelation.
   double effective = 0;  ///< Independent values that they are worth about the line.
   double freedom = 1;    ///< Degrees of freedom of the rise's u.
-  /// Fewer say too little of how they remember.
+  /// Fewer say too little of their autocorrelation.
   [[nodiscard]] bool is_known() const { return effective >= 50; }
   /// The rise as a deviate of the standard normal distribution, were the values steady.
   [[nodiscard]] double deviate() const;
@@ -20,7 +20,7 @@ struct Trend {
   [[nodiscard]] bool beyond(double chance) const;
 };
 
-/// Memory longer than about a tenth of the series is no different from a trend.
+/// Autocorrelation over more than about a tenth of the series is no different from a trend.
 [[nodiscard]] Trend trend_of(std::span<const double> values);
 
 /// Whether steady series show such trends at most with probability `chance`, all together. Three tests share

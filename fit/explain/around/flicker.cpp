@@ -156,7 +156,7 @@ Normal normal_of(const Segment& segment, double hz, double period_s) {
 /// What frequencies explain, on a grid that divides the scans' repetition alike.
 class Spectrum {
  public:
-  /// `noise`: what of it beams, or whole scans, remember from scan to scan is no wave.
+  /// `noise`: what of it is autocorrelated from scan to scan, of beams or of whole scans, is no wave.
   Spectrum(const std::map<int, Segment>& segments, double period_s, const MeanNoise& noise)
       : period_s_(period_s), noise_(&noise) {
     // A few dozen segments say whether there is a wave; a session of hours has thousands.
@@ -268,13 +268,13 @@ class Spectrum {
       normal.square(1, 0) += cross;
     }
     const double expected =
-        model::spectral_density(2 * pi * point / points_, noise_->memory_rho, noise_->memory_share);
+        model::spectral_density(2 * pi * point / points_, noise_->ar1_rho, noise_->ar1_share);
     return {normal.square / expected, normal.along / expected};
   }
 
-  /// What whole scans have in common, or remember, is a continuum: a line stands out from it. An angle that
-  /// is drawn for every scan moves much where walls are slanted, and nothing elsewhere: every segment has its
-  /// own.
+  /// The random effects of scans, autocorrelated or not, are a continuum: a line stands out from it. An angle
+  /// that is drawn for every scan moves much where walls are slanted, and nothing elsewhere: every segment
+  /// has its own.
   struct Continuum {
     double of_all = 1;
     std::vector<double> of_segment;
@@ -416,12 +416,12 @@ std::optional<double> flicker(const Reduced& reduced, const MeanNoise& noise,
       Ranges(reduced.groups, model::without_what_repeats(reduced, from_scan_to_scan));
   const model::ScatterOfScans scans =
       model::scatter_of_scans(model::scan_parts(reduced, model::fewest_in_common, 1), false);
-  MeanNoise remembered = noise;
-  if (scans.share > noise.memory_share) {
-    remembered.memory_rho = scans.rho;
-    remembered.memory_share = scans.share;
+  MeanNoise autocorrelated = noise;
+  if (scans.share > noise.ar1_share) {
+    autocorrelated.ar1_rho = scans.rho;
+    autocorrelated.ar1_share = scans.share;
   }
-  const Spectrum spectrum(rest, period_s, remembered);
+  const Spectrum spectrum(rest, period_s, autocorrelated);
   const std::vector<Spectrum::Line> lines = spectrum.lines();
   if (lines.empty() || lines.front().evidence <= improbable_by_chance) return {};
   const Ranges ranges(reduced.groups, reduced.sectors);

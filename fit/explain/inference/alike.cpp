@@ -63,7 +63,7 @@ bool may_be(const Session& session, const Mechanism& m, const Mechanism& other) 
 /// whose formula leaves that share of its cause.
 bool fits_as_well(const Fitted& other, const Fitted& best, const Fitted& without, double share) {
   const auto loses_little = [&](double others, double bests, double withouts) {
-    return others >= bests - hardly_worse(share, bests - withouts);
+    return others >= bests - equivalence_margin(share, bests - withouts);
   };
   for (std::size_t c = 0; c < best.optimum.of_channel.size(); ++c)
     if (!loses_little(other.optimum.of_channel[c], best.optimum.of_channel[c], without.optimum.of_channel[c]))
@@ -93,10 +93,11 @@ std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& f
                       : own == best.hypothesis.terms.end()
                           ? error
                           : share_left(best, static_cast<std::size_t>(own - best.hypothesis.terms.begin()));
-  if (hardly_worse(left, gain) == numbers::fits_as_well && std::ranges::none_of(catalogue(), may_be_one))
+  if (equivalence_margin(left, gain) == numbers::fits_as_well &&
+      std::ranges::none_of(catalogue(), may_be_one))
     return {};
   const double least = best.hypothesis.log_posterior() - without.hypothesis.log_posterior() -
-                       hardly_worse(left, gain) - numbers::window;
+                       equivalence_margin(left, gain) - numbers::window;
   std::vector<Named> rivals;
   for (const Candidate& candidate : screen(session, without, term.kind, true)) {
     if (candidate.term.kind->is_form() || candidate.term.kind->is_same_cause(*term.kind)) continue;
@@ -108,7 +109,7 @@ std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& f
     const double share = is_another_name ? error : left;
     if (!fits_as_well(fitted, best, without, share)) continue;
     // What a formula's error may lose says nothing against it.
-    const double counts = numbers::fits_as_well / hardly_worse(share, gain),
+    const double counts = numbers::fits_as_well / equivalence_margin(share, gain),
                  log_odds = counts * (fitted.hypothesis.log_posterior() - best.hypothesis.log_posterior()),
                  odds = std::exp(std::min(log_odds, numbers::window));
     if (log_odds < -numbers::window || (!is_another_name && odds < 1 / numbers::named_at - 1)) continue;
@@ -120,9 +121,9 @@ std::vector<Named> rivals_of(const Session& session, const Fitted& best, Fits& f
 /// What the other terms leave of their causes may look like a mechanism, which gains at most as much as that
 /// costs (docs/method/model.md, 7). A function that nobody stated is its cause to within a share of it. So is
 /// a formula; where its smooth deviations are in the model, they leave the same share of what it errs by.
-class LeftByOthers {
+class DiscrepancyOfOthers {
  public:
-  LeftByOthers(const Fitted& best, Fits& fits) : best_(best), fits_(fits) {
+  DiscrepancyOfOthers(const Fitted& best, Fits& fits) : best_(best), fits_(fits) {
     const auto is_form = [](const Term& term) { return term.kind->is_form(); };
     const auto first = std::ranges::find_if(best.hypothesis.terms, is_form);
     if (first != best.hypothesis.terms.end())
@@ -211,7 +212,7 @@ void join(const std::vector<Named>& rivals, Undecided& set) {
 
 }  // namespace
 
-double hardly_worse(double share, double gain) {
+double equivalence_margin(double share, double gain) {
   return std::max(numbers::fits_as_well, share * share * gain);
 }
 
@@ -221,7 +222,7 @@ double share_left(const Fitted& best, std::size_t term) {
 }
 
 void join_what_looks_alike(const Session& session, const Fitted& best, Fits& fits, Posterior& posterior) {
-  const LeftByOthers left(best, fits);
+  const DiscrepancyOfOthers left(best, fits);
   std::vector<Named> alone;
   for (const Named& named : posterior.named) {
     std::vector<Named> rivals =

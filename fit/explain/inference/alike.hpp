@@ -10,7 +10,7 @@ namespace fit::explain::inference {
 
 /// The log-likelihood that another name for what gains so much may lose: no formula is right to better than
 /// such a share of its cause.
-[[nodiscard]] double hardly_worse(double share, double gain);
+[[nodiscard]] double equivalence_margin(double share, double gain);
 
 /// Smooth functions that may be what a mechanism is taken for. Where one stands beside it its formula does
 /// not fit, and functions of that coordinate that do without it as well as the recording tells may; so may

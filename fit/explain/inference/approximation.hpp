@@ -23,7 +23,7 @@ namespace fit::explain::inference {
 /// What one kind would add to a fitted hypothesis, by the quadratic approximation of all channels there.
 class Approximation {
  public:
-  /// `around`: the fitted likelihood, raised.
+  /// `around`: the fitted likelihood, expanded for new terms.
   Approximation(const Session& session, const Fitted& fitted, const Optimum& around, const Kind& kind)
       : session_(&session), fitted_(&fitted), around_(&around), kind_(&kind) {}
 

@@ -64,7 +64,8 @@ SpreadCurve curve_in(const View& view, const ChannelRows& rows, const model::Cha
     if (std::isfinite(view.place_of(rows, i)) && view.per_unit[i] != 0) order.push_back(i);
   const auto place_of = [&](Index i) { return view.place_of(rows, i); };
   std::ranges::sort(order, {}, place_of);
-  const Eigen::VectorXd weight = rows.information(rows.raised(after)).cwiseProduct(view.per_unit.cwiseAbs2());
+  const Eigen::VectorXd weight =
+      rows.information(rows.expansion_for_new_terms(after)).cwiseProduct(view.per_unit.cwiseAbs2());
   const double each = weight.sum() / points;
   const auto shown = [&](double eta) { return channel.is_square ? std::sqrt(std::max(0.0, eta)) : eta; };
   double sum = 0, place = 0, seen = 0, simulated = 0, explained = 0;

@@ -121,7 +121,7 @@ void restate(const Session& session, const Fitted& nothing, const Fitted& best, 
     const Eigen::VectorXd& eta = best.optimum.eta[c];
     if (std::string note = rows->note(nothing.optimum.eta[c], eta); !note.empty())
       out.notes.push_back(std::move(note));
-    std::ranges::copy_if(rows->strained(eta), std::back_inserter(out.unknown),
+    std::ranges::copy_if(rows->unexplained(eta), std::back_inserter(out.unknown),
                          [&](const Unexplained& u) { return u.gain > left; });
     if (channel.restate) out.restated.push_back({c, nuisances_of(session, best, c)});
   }
@@ -205,6 +205,8 @@ Shape as_shape(const Term& term) {
   Shape shape = *term.kind->form;
   const std::size_t count = term.kind->coefficients.size();
   shape.values.assign(term.values.begin(), term.values.begin() + static_cast<std::ptrdiff_t>(count));
+  if (term.sigma.size() >= count)
+    shape.u.assign(term.sigma.begin(), term.sigma.begin() + static_cast<std::ptrdiff_t>(count));
   shape.at = term.values[count];
   shape.length = term.values[count + 1];
   shape.size *= term.factor;

@@ -111,7 +111,7 @@ std::vector<Named> functions_instead(const Session& session, const Fitted& best,
       continue;
     for (const std::vector<double>& values : kind.starts)
       if (may_be_any || loss_as_function(session, best, kind, values, effect) <
-                            hardly_worse(named.term.kind->mechanism->formula_error, gain))
+                            equivalence_margin(named.term.kind->mechanism->formula_error, gain))
         return {{{.kind = &kind, .values = values, .sigma = {}}, named.probability}};
   }
   return {};

@@ -33,7 +33,7 @@ enum class For {
   new_terms    ///< Linearised at as much as the rows are on the whole.
 };
 Scored scored(const Session& session, const Design& design, Optimum& there, For what) {
-  const bool raised = what == For::new_terms, steps = what == For::steps || what == For::last_steps;
+  const bool for_new = what == For::new_terms, steps = what == For::steps || what == For::last_steps;
   const Index k = design.mean.size();
   Scored s{design.mean - there.x, Eigen::MatrixXd::Identity(k, k)};
   there.white.assign(design.parts.size(), {});
@@ -41,16 +41,16 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (!session.channels()[c] || (steps && design.parts[c].index.empty())) continue;
     const ChannelRows& rows = *session.channels()[c];
-    const Eigen::VectorXd eta = raised ? rows.possible(there.eta[c]) : there.eta[c];
-    const Eigen::VectorXd at = raised                    ? rows.raised(eta)
-                               : what == For::steps      ? rows.steady(eta)
-                               : what == For::last_steps ? rows.observed(eta)
-                                                         : rows.curved(eta);
+    const Eigen::VectorXd eta = for_new ? rows.feasible(there.eta[c]) : there.eta[c];
+    const Eigen::VectorXd at = for_new                   ? rows.expansion_for_new_terms(eta)
+                               : what == For::steps      ? rows.expansion_for_steps(eta)
+                               : what == For::last_steps ? rows.expansion_for_last_steps(eta)
+                                                         : rows.expansion_for_evidence(eta);
     Squared here;
     if (!design.parts[c].fixed) here = squared(rows.whitened(design.parts[c].columns, at));
     const Squared& columns = design.parts[c].fixed ? *design.parts[c].fixed : here;
-    there.white_residual[c] = rows.white_residual(raised ? at : eta);
-    if (raised)
+    there.white_residual[c] = rows.white_residual(for_new ? at : eta);
+    if (for_new)
       there.white_residual[c] += rows.whitened(at - eta, at);
     else if (at != eta)  // the same score over another root of the information
       there.white_residual[c] = there.white_residual[c].cwiseProduct(
@@ -226,14 +226,14 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
   return now;
 }
 
-Optimum raised(const Session& session, const Design& design, const Optimum& optimum) {
+Optimum expanded_for_new_terms(const Session& session, const Design& design, const Optimum& optimum) {
   Optimum there = optimum;
   there.factor.compute(scored(session, design, there, For::new_terms).information);
   there.root.resize(there.eta.size());
   for (std::size_t c = 0; c < there.eta.size(); ++c) {
     if (!session.channels()[c]) continue;
     const ChannelRows& rows = *session.channels()[c];
-    there.eta[c] = rows.raised(there.eta[c]);
+    there.eta[c] = rows.expansion_for_new_terms(there.eta[c]);
     if (!rows.has_fixed_information()) there.root[c] = rows.information(there.eta[c]).cwiseSqrt();
   }
   return there;

@@ -47,7 +47,8 @@ struct Optimum {
   std::vector<Eigen::VectorXd> eta;
   std::vector<Eigen::MatrixXd> white;  ///< Columns of every channel, whitened there.
   std::vector<Eigen::VectorXd> white_residual;
-  std::vector<Eigen::VectorXd> root;   ///< Of the information of independent rows; only where `raised`.
+  std::vector<Eigen::VectorXd>
+      root;  ///< Of the information of independent rows; only if expanded for new terms.
   Eigen::LLT<Eigen::MatrixXd> factor;  ///< Of the information with the priors'.
   double log_likelihood = 0, log_posterior = -1e300;
   std::vector<double> of_channel;  ///< The parts of the log-likelihood.
@@ -59,6 +60,7 @@ struct Optimum {
 Eigen::VectorXd curvature_at(const Session& session, const Design& design, Optimum& there);
 
 /// The same likelihood, linearised where terms that are still missing may take it.
-[[nodiscard]] Optimum raised(const Session& session, const Design& design, const Optimum& optimum);
+[[nodiscard]] Optimum expanded_for_new_terms(const Session& session, const Design& design,
+                                             const Optimum& optimum);
 
 }  // namespace fit::explain::inference

@@ -19,7 +19,7 @@ struct Pair {
 
 /// Of all mechanisms that nothing but sizes describe, every two that are not in the hypothesis; the most
 /// probable first. An offset and a scale may show together where neither does by itself. `around`: the fitted
-/// likelihood, raised.
+/// likelihood, expanded for new terms.
 [[nodiscard]] std::vector<Pair> pairs_beside(const Session& session, const Fitted& fitted,
                                              const Optimum& around);
 

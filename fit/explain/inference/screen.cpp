@@ -22,12 +22,12 @@ namespace {
 using Eigen::Index;
 
 /// Asks what one kind would add, at all its starts and between the best of them.
-class Question : Approximation {
+class ScoreTest : Approximation {
  public:
   using Approximation::Approximation;
 
   /// On the grid of its starts.
-  void ask_starts() {
+  void test_starts() {
     std::vector<Term> terms;
     for (const auto& start : kind_->bins ? proposed() : kind_->starts) terms.push_back(term_at(start));
     std::vector<double> logs;
@@ -40,31 +40,31 @@ class Question : Approximation {
     for (std::size_t i = 0; i < terms.size(); ++i) {
       const double penalty = penalty_of(terms[i]);
       logs[i] -= penalty;
-      asked_.push_back({logs[i], std::move(terms[i]), penalty});
+      tested_.push_back({logs[i], std::move(terms[i]), penalty});
     }
     if (kind_->mechanism->any_curve) keep_places();
     const double places = kind_->bins ? combs() : static_cast<double>(logs.size());
     over_grid_ = log_sum(logs) - std::log(places);
     if (whole)
-      std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+      std::ranges::sort(tested_, std::greater<>(), &Tested::log_evidence);
     else
       keep_modes();
     if (is_form() && kind_->form->form->from_to) add_places();
     if (kind_->begins) add_spans();
     if (kind_->threshold) add_thresholds();
-    best_.term = asked_.front().term;
-    best_.term.by_grid = over_grid_ - asked_.front().log_evidence - asked_.front().penalty;
+    best_.term = tested_.front().term;
+    best_.term.by_grid = over_grid_ - tested_.front().log_evidence - tested_.front().penalty;
     best_.log_evidence = over_grid_;
   }
 
   /// Between its starts, with what its formula leaves open.
   void refine_best() {
     const bool refines = !model::refined_shapes_of(*kind_).empty();
-    const double first = asked_.front().log_evidence;
+    const double first = tested_.front().log_evidence;
     std::vector<double> modes;
     std::map<double, double> firsts;  // of each choice: between starts the other may be the better one
     double most = -1e300, peak = -1e300, penalty = 0;
-    for (const Asked& one : asked_) {
+    for (const Tested& one : tested_) {
       const double first_of_it = firsts.try_emplace(choice_of(one.term), one.log_evidence).first->second;
       if (kind_->refines && one.log_evidence < first_of_it - another_mode) continue;
       const Term there = refines ? refined(one.term) : one.term;
@@ -78,7 +78,7 @@ class Question : Approximation {
     }
     // A formula that may bend at will says little of where it is: with its bends another start may be better.
     std::vector<double> bent;
-    for (const Asked& one : places_) {
+    for (const Tested& one : places_) {
       const double known = bent.emplace_back(with_everything(one.term, false));
       if (known <= most) continue;  // a width only takes off
       const double with_width = known + width_at(one.term, known);
@@ -95,7 +95,7 @@ class Question : Approximation {
     const double by_grid =
         bent.empty() ? over_grid_ - first
                      : log_sum(bent) - std::log(static_cast<double>(bent.size())) - std::ranges::max(bent);
-    best_.term.by_grid = grid_says ? by_grid - asked_.front().penalty : 1e300;
+    best_.term.by_grid = grid_says ? by_grid - tested_.front().penalty : 1e300;
     best_.term.by_modes = all - most - penalty;
     best_.log_evidence = std::min(all, peak + best_.term.by_grid);
   }
@@ -103,7 +103,7 @@ class Question : Approximation {
   /// A form's place and extent between those of its list.
   void refine_places() {
     if (kind_->form->form->whole_places) return;
-    const Asked listed = asked_.front();
+    const Tested listed = tested_.front();
     const std::size_t extent = listed.term.values.size() - 1;
     Term there = listed.term;
     const auto log_evidence = [&](const std::vector<double>& values) {
@@ -128,7 +128,7 @@ class Question : Approximation {
   }
 
   /// The most that it may come to: where a peak is narrow, the grid's mean says little.
-  [[nodiscard]] double promise() const { return asked_.front().log_evidence + kind_->log_prior; }
+  [[nodiscard]] double upper_bound() const { return tested_.front().log_evidence + kind_->log_prior; }
   [[nodiscard]] bool is_form() const { return kind_->is_form(); }
   [[nodiscard]] const Candidate& answer() const { return best_; }
 
@@ -136,7 +136,7 @@ class Question : Approximation {
   static constexpr std::size_t modes_refined = 2;
   static constexpr double another_mode = 8;
 
-  struct Asked {
+  struct Tested {
     double log_evidence;
     Term term;
     double penalty = 0;  ///< Minus the log of the prior probability of its times and its choice.
@@ -171,9 +171,9 @@ class Question : Approximation {
 
   /// The best of each choice.
   void keep_modes() {
-    std::ranges::sort(asked_, std::greater<>(), &Asked::log_evidence);
+    std::ranges::sort(tested_, std::greater<>(), &Tested::log_evidence);
     std::map<double, std::size_t> kept;
-    std::erase_if(asked_, [&](const Asked& one) { return ++kept[choice_of(one.term)] > modes_refined; });
+    std::erase_if(tested_, [&](const Tested& one) { return ++kept[choice_of(one.term)] > modes_refined; });
   }
 
   /// What the shapes' width takes off the evidence with everything else.
@@ -185,9 +185,9 @@ class Question : Approximation {
   void keep_places() {
     const std::vector<std::size_t> shapes = model::refined_shapes_of(*kind_);
     if (shapes.empty()) return;
-    std::map<double, const Asked*> best;
-    for (const Asked& one : asked_) {
-      const Asked*& there = best[one.term.values[shapes.front()]];
+    std::map<double, const Tested*> best;
+    for (const Tested& one : tested_) {
+      const Tested*& there = best[one.term.values[shapes.front()]];
       if (!there || one.log_evidence > there->log_evidence) there = &one;
     }
     for (const auto& [place, one] : best) places_.push_back(*one);
@@ -197,14 +197,14 @@ class Question : Approximation {
   void add_spans() {
     const bool may_be_always = !kind_->mechanism->only_for_a_while;
     const double half = may_be_always ? std::log(2.0) : 0;
-    for (Asked& one : asked_)
+    for (Tested& one : tested_)
       one = {may_be_always ? one.log_evidence - half : -1e300, std::move(one.term), one.penalty + half};
     std::vector<double> logs{may_be_always ? over_grid_ - half : -1e300};
     const double places = std::log(static_cast<double>(kind_->starts.size()));
     const bool either_sign = std::ranges::any_of(kind_->coefficients, [&](const auto& c) {
       return kind_->mechanism->parameters[c.parameter].sign == 0;
     });
-    for (const Asked& always : std::vector(asked_)) {
+    for (const Tested& always : std::vector(tested_)) {
       const model::Spans spans = model::spans_in(
           scores_along(Coordinate::time,
                        [&](const ChannelRows& rows) { return effect_of_typical(rows, always.term); }),
@@ -212,18 +212,18 @@ class Question : Approximation {
       const double penalty =
           always.penalty + std::log(std::max<double>(1, static_cast<double>(spans.possible)));
       for (const model::Span& span : spans.likeliest) {
-        Asked within{0, always.term, penalty};
+        Tested within{0, always.term, penalty};
         within.term.values[*kind_->begins] = span.from;
         within.term.values[*kind_->begins + 1] = span.to;
         within.log_evidence = with_sizes(within.term) - penalty;
         logs.push_back(within.log_evidence - places);
-        asked_.push_back(std::move(within));
+        tested_.push_back(std::move(within));
       }
     }
     over_grid_ = log_sum(logs);
-    const Term always = asked_.front().term;
+    const Term always = tested_.front().term;
     keep_modes();
-    if (may_be_always && asked_.front().term.values[*kind_->begins] != always.values[*kind_->begins])
+    if (may_be_always && tested_.front().term.values[*kind_->begins] != always.values[*kind_->begins])
       best_.always = always;
   }
 
@@ -234,12 +234,12 @@ class Question : Approximation {
     const model::Spans spans = model::spans_in(scores_alone(), true, most_places);
     double highest = -1e300;
     for (const model::Span& span : spans.likeliest) {
-      Asked within{0, term_at(kind_->starts.front())};
+      Tested within{0, term_at(kind_->starts.front())};
       within.term.values[from] = span.from;
       within.term.values[from + 1] = span.to;
       within.log_evidence = with_sizes(within.term);
       highest = std::max(highest, within.log_evidence);
-      asked_.push_back(std::move(within));
+      tested_.push_back(std::move(within));
     }
     if (spans.possible > 0)
       over_grid_ = log_sum({over_grid_, highest - std::log(static_cast<double>(spans.possible))});
@@ -262,21 +262,21 @@ class Question : Approximation {
       values[k] = kind_->mechanism->parameters[k].upper;
       return model::effect_of(rows, *kind_, values);
     };
-    const double best_of_grid = asked_.front().term.values[k];
-    std::vector<Asked> more;
+    const double best_of_grid = tested_.front().term.values[k];
+    std::vector<Tested> more;
     for (const double threshold : model::thresholds_in(scores_along(kind_->mechanism->coordinate, all)))
       for (const auto& start : kind_->starts) {
         if (start[k] != best_of_grid) continue;
-        Asked one{0, term_at(start), 0};
+        Tested one{0, term_at(start), 0};
         one.term.values[k] = threshold;
         one.log_evidence = with_sizes(one.term);
         more.push_back(std::move(one));
       }
     if (more.empty()) return;
     // A peak between the starts is no wider than the distance from one to the next.
-    const double highest = std::ranges::max(more, {}, &Asked::log_evidence).log_evidence;
+    const double highest = std::ranges::max(more, {}, &Tested::log_evidence).log_evidence;
     over_grid_ = log_sum({over_grid_, highest - std::log(static_cast<double>(kind_->starts.size()))});
-    std::ranges::move(more, std::back_inserter(asked_));
+    std::ranges::move(more, std::back_inserter(tested_));
     keep_modes();
   }
 
@@ -341,8 +341,8 @@ class Question : Approximation {
     return best;
   }
 
-  std::vector<Asked> asked_;  ///< The best of the grid.
-  std::vector<Asked>
+  std::vector<Tested> tested_;  ///< The best of the grid.
+  std::vector<Tested>
       places_;  ///< Where the formula bends at will: the best at every place of its first shape.
   double over_grid_ = -1e300;
   Candidate best_;
@@ -353,7 +353,7 @@ class Question : Approximation {
 std::vector<Candidate> screen(const Session& session, const Fitted& fitted, const Kind* but,
                               bool at_other_places, const Optimum* around) {
   std::optional<Optimum> own;
-  if (!around) around = &own.emplace(raised(session, fitted.design, fitted.optimum));
+  if (!around) around = &own.emplace(expanded_for_new_terms(session, fitted.design, fitted.optimum));
   const auto is_there = [&](const Kind& kind) {
     if (at_other_places && kind.mechanism->parameter_of(Parameter::Scale::width)) return false;
     return std::ranges::any_of(fitted.hypothesis.terms,
@@ -363,13 +363,13 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   for (const Kind& kind : session.kinds())
     if (&kind != but && !is_there(kind)) asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
-  std::vector<Question> questions;
+  std::vector<ScoreTest> questions;
   for (const Kind* kind : asked) questions.emplace_back(session, fitted, *around, *kind);
-  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].ask_starts(); });
-  std::ranges::sort(questions, std::greater<>(), &Question::promise);
-  std::vector<Question*> promising;
+  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].test_starts(); });
+  std::ranges::sort(questions, std::greater<>(), &ScoreTest::upper_bound);
+  std::vector<ScoreTest*> promising;
   std::size_t names = 2 * numbers::tries, forms = numbers::tries;
-  for (Question& q : questions) {
+  for (ScoreTest& q : questions) {
     std::size_t& left = q.is_form() ? forms : names;
     if (left == 0) continue;
     --left;
@@ -379,7 +379,7 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
     promising[i]->is_form() ? promising[i]->refine_places() : promising[i]->refine_best();
   });
   std::vector<Candidate> list;
-  for (const Question& q : questions) list.push_back(q.answer());
+  for (const ScoreTest& q : questions) list.push_back(q.answer());
   std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);
   return list;
 }

@@ -17,7 +17,8 @@ struct Candidate {
 };
 
 /// Every kind that is not in the hypothesis, nor `but`; the most probable first. `at_other_places`: also
-/// those in it that are local, and may be so twice. `around`: the fitted likelihood raised, if that was done.
+/// those in it that are local, and may be so twice. `around`: the fitted likelihood expanded for new terms,
+/// if that was done.
 [[nodiscard]] std::vector<Candidate> screen(const Session& session, const Fitted& fitted,
                                             const Kind* but = nullptr, bool at_other_places = false,
                                             const Optimum* around = nullptr);

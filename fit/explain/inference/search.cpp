@@ -62,7 +62,7 @@ class Climber {
     if (best_.hypothesis.terms.size() >= numbers::most_terms) return false;
     const std::vector<Candidate> list = screened(best_.hypothesis);
     if (take_if_better(fit_each(best_.hypothesis, best_of(list, tries, forms(tries / 2))))) return true;
-    // The approximation promised too much of the best; others stood in its shadow.
+    // The approximation said too much of the best; others stood in its shadow.
     if (list.empty() || list.front().log_posterior() < numbers::window) return false;
     constexpr double any = 1e300;
     return take_if_better(fit_each(best_.hypothesis, best_of(list, 2 * tries, forms(tries), any)));
@@ -139,7 +139,7 @@ class Climber {
   std::vector<Candidate> screened(const Hypothesis& h, const Kind* but = nullptr) {
     const auto [known, is_new] = screened_.try_emplace(h.kinds());
     const auto ask = [&](const Fitted& present) {
-      const Optimum around = raised(session_, present.design, present.optimum);
+      const Optimum around = expanded_for_new_terms(session_, present.design, present.optimum);
       known->second = screen(session_, present, nullptr, false, &around);
       pairs_[h.kinds()] = pairs_beside(session_, present, around);
     };

@@ -41,7 +41,7 @@ namespace {
 std::size_t mean_channel() { return model::channel_of("mean"); }
 
 /// How much worse means are known for what a hypothesis says of scans, and for what these show: they draw
-/// errors of their own, and noise with memory averages out slowly.
+/// errors of their own, and autocorrelated noise averages out slowly.
 MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Active>& known,
                    const std::vector<Term>& terms) {
   Effect all = effect_of(known, Circumstances{});
@@ -50,8 +50,8 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
   noise.scan_angle_rad2 = all.scan_angle_variance_rad2;
   noise.spread_rad = std::sqrt(std::pow(std::max(all.footprint_rad, all.light_rad), 2) +
                                all.scan_angle_variance_rad2 + all.beam_angle_variance_rad2);
-  noise.memory_rho = all.memory_rho;
-  noise.memory_share = std::clamp(all.memory_share, 0.0, 1.0);
+  noise.ar1_rho = all.ar1_rho;
+  noise.ar1_share = std::clamp(all.ar1_share, 0.0, 1.0);
   const std::vector<model::ScanPart> scans = model::scan_parts(reduced, model::fewest_in_common, 1);
   const model::ScatterOfScans ranges = model::scatter_of_scans(scans, false),
                               angles = model::scatter_of_scans(scans, true);
@@ -60,13 +60,13 @@ MeanNoise noise_by(const Reduced& reduced, MeanNoise noise, const std::vector<Ac
     const int n = std::max(1, group.scans);
     noise.range_mm2.push_back(std::max(noise.scan_range_mm2, ranges.for_means(n)) / n);
     noise.angle_rad2.push_back(std::max(noise.scan_angle_rad2, angles.for_means(n)) / n);
-    slowly += static_cast<double>(group.cells) * model::added_to_mean(group.scans, all.memory_rho);
+    slowly += static_cast<double>(group.cells) * model::added_to_mean(group.scans, all.ar1_rho);
     cells += static_cast<double>(group.cells);
   }
   const auto is_none = [](double variance) { return variance <= 0; };
   if (std::ranges::all_of(noise.range_mm2, is_none)) noise.range_mm2.clear();
   if (std::ranges::all_of(noise.angle_rad2, is_none)) noise.angle_rad2.clear();
-  if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.memory_share * slowly / cells);
+  if (cells > 0) noise.factor = std::max(noise.factor, 1 + all.ar1_share * slowly / cells);
   noise.neighbours = 1 + std::max(0.0, all.shared_by_neighbours);
   if (noise.neighbours > 1) noise.neighbours_of_target = model::inflation_of_targets(reduced);
   return noise;

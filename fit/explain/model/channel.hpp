@@ -53,17 +53,23 @@ class ChannelRows : public Rows {
   /// The same of every row; of rows with a common error, as if each came alone.
   [[nodiscard]] virtual Eigen::VectorXd log_likelihoods(const Eigen::VectorXd& eta) const = 0;
   /// Where to linearise for terms that are not in the predictor yet: as high as the rows are on the whole.
-  [[nodiscard]] virtual Eigen::VectorXd raised(const Eigen::VectorXd& eta) const { return eta; }
+  [[nodiscard]] virtual Eigen::VectorXd expansion_for_new_terms(const Eigen::VectorXd& eta) const {
+    return eta;
+  }
   /// The predictor that the likelihood takes it for, where sums of terms may come to what cannot be.
-  [[nodiscard]] virtual Eigen::VectorXd possible(Eigen::VectorXd eta) const { return eta; }
+  [[nodiscard]] virtual Eigen::VectorXd feasible(Eigen::VectorXd eta) const { return eta; }
   /// Where the information holds for steps of a usual size from there: at a bound it may be beyond all
   /// measure.
-  [[nodiscard]] virtual Eigen::VectorXd steady(Eigen::VectorXd eta) const { return eta; }
+  [[nodiscard]] virtual Eigen::VectorXd expansion_for_steps(Eigen::VectorXd eta) const { return eta; }
   /// Where the information is the likelihood's curvature there: of what is rare and happened, the expected
   /// one is too small.
-  [[nodiscard]] virtual Eigen::VectorXd curved(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
+  [[nodiscard]] virtual Eigen::VectorXd expansion_for_evidence(Eigen::VectorXd eta) const {
+    return expansion_for_steps(std::move(eta));
+  }
   /// Where the information is what the likelihood curves by there, if it curves down.
-  [[nodiscard]] virtual Eigen::VectorXd observed(Eigen::VectorXd eta) const { return steady(std::move(eta)); }
+  [[nodiscard]] virtual Eigen::VectorXd expansion_for_last_steps(Eigen::VectorXd eta) const {
+    return expansion_for_steps(std::move(eta));
+  }
   /// Whether the information is the same at any predictor. Where it is not, rows are independent.
   [[nodiscard]] virtual bool has_fixed_information() const { return false; }
   /// Columns multiplied by a root of the Fisher information at eta.
@@ -85,7 +91,7 @@ class ChannelRows : public Rows {
   /// How well the rows agree with their predictors before and after anything was found; empty: no word.
   [[nodiscard]] virtual std::string note(const Eigen::VectorXd&, const Eigen::VectorXd&) const { return {}; }
   /// What is left beside all that was found and that no usual device and no usual scene shows.
-  [[nodiscard]] virtual std::vector<Unexplained> strained(const Eigen::VectorXd&) const { return {}; }
+  [[nodiscard]] virtual std::vector<Unexplained> unexplained(const Eigen::VectorXd&) const { return {}; }
   /// How pictures show the rows before and after, where not along a coordinate.
   [[nodiscard]] virtual std::optional<SpreadCurve> picture(const Eigen::VectorXd&,
                                                            const Eigen::VectorXd&) const {

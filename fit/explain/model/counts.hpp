@@ -16,17 +16,17 @@ class Counts : public IndependentRows {
   [[nodiscard]] double seen(Eigen::Index row) const override { return of(row).y / of(row).n; }
   [[nodiscard]] double offset(Eigen::Index) const override { return numbers::least_hazard; }
 
-  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_new_terms(const Eigen::VectorXd& eta) const override {
     return eta.cwiseMax(std::max(numbers::least_hazard, on_the_whole()));
   }
 
-  [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override {
+  [[nodiscard]] Eigen::VectorXd feasible(Eigen::VectorXd eta) const override {
     return eta.cwiseMax(numbers::least_hazard);
   }
   /// Where nothing happened, fewer than one event in all of a row's samples cannot be told from none; but no
   /// more is expected than happens on the whole, or steps are too long. Where more happened than expected,
   /// the likelihood bends more than on average, near its best by as much as is seen over what is expected.
-  [[nodiscard]] Eigen::VectorXd steady(Eigen::VectorXd eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_steps(Eigen::VectorXd eta) const override {
     constexpr double most_bent = 16;
     const double whole = std::max(numbers::least_hazard, on_the_whole());
     for (Eigen::Index i = 0; i < rows(); ++i) {
@@ -37,7 +37,7 @@ class Counts : public IndependentRows {
     }
     return eta;
   }
-  [[nodiscard]] Eigen::VectorXd curved(Eigen::VectorXd eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_evidence(Eigen::VectorXd eta) const override {
     for (Eigen::Index i = 0; i < rows(); ++i) {
       if (of(i).y == 0) {
         eta[i] = std::max(eta[i], 1 / of(i).n);
@@ -49,7 +49,7 @@ class Counts : public IndependentRows {
     return eta;
   }
   /// Of what never happened, the likelihood is an exponential: next to no curvature.
-  [[nodiscard]] Eigen::VectorXd observed(Eigen::VectorXd eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_last_steps(Eigen::VectorXd eta) const override {
     constexpr double all_but_flat = 1;
     for (Eigen::Index i = 0; i < rows(); ++i) {
       const double h = hazard_of(eta[i]), e = std::expm1(h);

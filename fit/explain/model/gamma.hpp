@@ -15,7 +15,7 @@ namespace fit::explain::model {
 class GammaRows : public IndependentRows {
  public:
   [[nodiscard]] double offset(Eigen::Index row) const override { return of(row).expected; }
-  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_new_terms(const Eigen::VectorXd& eta) const override {
     double ratio = 0, all = 0;
     for (Eigen::Index i = 0; i < rows(); ++i) {
       ratio += of(i).n * of(i).y / possible_one(eta[i]);

@@ -14,7 +14,7 @@ namespace fit::explain {
 /// How well the means of cells are known: factor on the white noise, and what all cells of a group have in
 /// common beyond it.
 struct MeanNoise {
-  double factor = 1;               ///< On the variance of every mean: noise with memory.
+  double factor = 1;               ///< On the variance of every mean: autocorrelated noise.
   double neighbours = 1;           ///< The same: noise that neighbouring beams share ...
   std::vector<double> neighbours_of_target;  ///< ... where it is more than that; empty: nowhere.
   std::vector<double> range_mm2;   ///< Variance of a range common to a group; empty: none.
@@ -22,7 +22,7 @@ struct MeanNoise {
   double stop_rad2 = 0;            ///< Variance of an angle common to a stop of the stage.
   /// Variances of one scan's common range and angle: part of the samples' own spread, and counted above.
   double scan_range_mm2 = 0, scan_angle_rad2 = 0;
-  double memory_rho = 0, memory_share = 0;  ///< Of the samples' noise, from scan to scan.
+  double ar1_rho = 0, ar1_share = 0;  ///< Of the samples' noise, from scan to scan.
   double footprint_rad = 0;  ///< Standard half width of the beam where edges show it; 0: they do not.
   double spread_rad = 0;     ///< The same and how angles scatter, as a hypothesis has it.
   bool operator==(const MeanNoise&) const = default;

@@ -30,10 +30,10 @@ double share_of_beams(const Reduced& reduced, double rho) {
   if (cells_of_length.empty()) return 0;
   LagSums white{}, with{};
   for (const auto& [scans, cells] : cells_of_length) {
-    const LagSums of_white = lagged_of(scans, 0), remembered = lagged_of(scans, rho);
+    const LagSums of_white = lagged_of(scans, 0), autocorrelated = lagged_of(scans, rho);
     for (const std::size_t lag : {0, 1}) {
       white[lag] += cells * of_white[lag];
-      with[lag] += cells * remembered[lag];
+      with[lag] += cells * autocorrelated[lag];
     }
   }
   const double ratio = next / squares;
@@ -56,9 +56,9 @@ RandomOfScans random_of_scans(const Reduced& reduced, const ScatterOfScans& scat
   RandomOfScans random;
   if (scatter.share > 0) {
     random.rho = scatter.rho;
-    const double remembered = scatter.ratio * scatter.share;
-    random.own = std::min({share_of_beams(reduced, scatter.rho), remembered, 0.999});
-    random.slow = (remembered - random.own) * scatter.variance;
+    const double autocorrelated = scatter.ratio * scatter.share;
+    random.own = std::min({share_of_beams(reduced, scatter.rho), autocorrelated, 0.999});
+    random.slow = (autocorrelated - random.own) * scatter.variance;
   }
   random.fresh = std::max(0.0, scatter.beside_samples() - random.slow);
   return random;

@@ -17,7 +17,7 @@ struct RandomOfScans {
   double rho = 0;   ///< Correlation from scan to scan, of both.
 };
 
-/// Of how whole scans scatter, what beams do not remember each by itself is the scan's.
+/// Of the autocorrelation of whole scans, what single beams do not show each by itself is the scan's.
 [[nodiscard]] RandomOfScans random_of_scans(const Reduced& reduced, const ScatterOfScans& scatter);
 
 /// Noise of what the parts of one group's scans show: their samples' own, and the range and the angle that

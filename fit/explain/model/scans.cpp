@@ -278,11 +278,11 @@ ScatterOfScans scatter_of_scans(const std::vector<ScanPart>& scans, bool of_angl
   };
   const auto is_certain = [&](std::size_t k) { return correlation(k) > certain / std::sqrt(pairs[k]); };
   if (!is_certain(0)) return scatter;
-  const bool is_remembered_longer = is_certain(1);
+  const bool is_correlated_longer = is_certain(1);
   for (int pass = 0; pass < passes; ++pass) {
     const double square = squares / number + mean2, next = correlation(0);
     scatter.ratio = std::max(1.0, square);
-    scatter.rho = std::min(slowest, is_remembered_longer ? std::max(next, correlation(1) / next) : next);
+    scatter.rho = std::min(slowest, is_correlated_longer ? std::max(next, correlation(1) / next) : next);
     scatter.share = std::min(1.0, next / scatter.rho);
     mean2 = square * scatter.more_in_means(in_a_block) * of_mean / number;
   }

@@ -36,16 +36,16 @@ inline constexpr int fewest_in_common = 3;
 struct ScatterOfScans {
   double variance = 0;  ///< Of one scan's by its samples, mm^2 or rad^2.
   double ratio = 1;     ///< By how much it is more.
-  /// Of that, a share is remembered from scan to scan with that correlation; none unless that is certain.
+  /// Of that, a share is AR(1) from scan to scan with that correlation; none unless that is certain.
   double rho = 0, share = 0;
   /// Variance that every scan has beside that of its samples.
   [[nodiscard]] double beside_samples() const { return more(ratio); }
   /// Variance that independent scans would draw anew for means over so many to scatter as much; 0 where none
-  /// is remembered.
+  /// is autocorrelated.
   [[nodiscard]] double for_means(int scans) const {
     return share > 0 ? more(ratio * more_in_means(scans)) : 0;
   }
-  /// How much more means over so many scatter than if no scan were remembered.
+  /// How much more means over so many scatter than if scans were independent.
   [[nodiscard]] double more_in_means(int scans) const;
 
  private:

@@ -39,6 +39,11 @@ Course course_of(const Shape& shape, const MeanModel& model) {
 
 }  // namespace
 
+std::string Course::in_words(const Estimate& estimate) const {
+  return with_uncertainty({estimate.value * scale, estimate.u * scale},
+                          unit.starts_with(' ') ? unit.substr(1) : unit);
+}
+
 const std::vector<Form>& all_forms() {
   static const std::vector<Form> list = forms::all();
   return list;

@@ -24,8 +24,10 @@ struct Shape {
   double length = 0;                ///< Extent, or where it ends, as its form has it.
   double size = 1;                  ///< Standard size of the prior: mm or rad.
   std::vector<double> places = {};  ///< Of a form with a value for each of them.
-  std::vector<double> values = {};  ///< Coefficients, after a fit.
+  std::vector<double> values = {};  ///< Coefficients, after a fit ...
+  std::vector<double> u = {};       ///< ... and their standard uncertainties where the form is.
 
+  [[nodiscard]] Estimate coefficient(std::size_t k) const { return {values[k], k < u.size() ? u[k] : 0}; }
   [[nodiscard]] bool is_along_one_target() const { return coordinate == Coordinate::target && target >= 0; }
 };
 
@@ -57,6 +59,8 @@ struct Course : Extent {
     if (value < least) least = value, least_at = at;
     if (value > most) most = value, most_at = at;
   }
+  /// A figure in the coefficients' unit, with its expanded uncertainty (k = 2).
+  [[nodiscard]] std::string in_words(const Estimate& estimate) const;
 };
 
 struct Described {

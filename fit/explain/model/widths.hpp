@@ -49,10 +49,10 @@ struct WidthRow {
 class WidthRows : public IndependentRows {
  public:
   [[nodiscard]] double offset(Eigen::Index) const override { return WidthLikelihood::hard_deg2; }
-  [[nodiscard]] Eigen::VectorXd raised(const Eigen::VectorXd& eta) const override {
+  [[nodiscard]] Eigen::VectorXd expansion_for_new_terms(const Eigen::VectorXd& eta) const override {
     return eta.cwiseMax(raised_);
   }
-  [[nodiscard]] Eigen::VectorXd possible(Eigen::VectorXd eta) const override {
+  [[nodiscard]] Eigen::VectorXd feasible(Eigen::VectorXd eta) const override {
     return eta.cwiseMax(WidthLikelihood::hard_deg2);
   }
 

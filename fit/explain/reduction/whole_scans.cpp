@@ -73,7 +73,8 @@ class WholeScans {
     constexpr double hardly_any = 0.1;  // is left of a beam's variance
     constexpr int fewest_echoes = 6;    // of fewer, the inverse of a sample variance has no variance
     const std::size_t first_sector = session_.sectors.size();
-    // Common range and common angle of the scan are taken off before the memory of single beams is judged.
+    // Common range and common angle of the scan are taken off before the autocorrelation of single beams is
+    // judged.
     const Common common = sum_up(scan);
     std::size_t sector = first_sector;
     double squares = 0, count = 0;

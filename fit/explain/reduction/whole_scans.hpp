@@ -15,9 +15,9 @@ namespace fit::explain::reduction {
 /// Whether a cell's samples say what their scans have in common.
 [[nodiscard]] bool is_informative(const Cell& cell);
 
-/// What all beams of a scan have in common, as sectors of the session, and how noise remembers the scans
-/// before, in the group, which is the session's next. `cell_of_beam`: index of the cell that is in that
-/// column, -1 where there is none.
+/// What all beams of a scan have in common, as sectors of the session, and how noise is
+/// autocorrelated, in the group, which is the session's next. `cell_of_beam`: index of the cell that is in
+/// that column, -1 where there is none.
 void summarise_scans(const Samples& samples, const std::vector<int>& cell_of_beam, Group& group,
                    Reduced& session);
 

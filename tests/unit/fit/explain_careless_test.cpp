@@ -327,7 +327,11 @@ TEST_CASE("a stage that slips by a degree half way moves nothing else") {
   const bool by_mount = e.mechanisms.size() == 1 && e.mechanisms.front().mechanism->id == "mount-moved" &&
                         !e.unknown,
              by_stage = e.mechanisms.empty() && e.unknown &&
-                        e.unknown->describes.starts_with("the stage angle steps by 1 deg at time_s = 17");
+                        e.unknown->describes.starts_with("the stage angle steps by ") &&
+                        e.unknown->describes.find(" deg at time_s = 17") != std::string::npos;
+  if (by_stage)
+    CHECK(std::stod(e.unknown->describes.substr(std::string("the stage angle steps by ").size())) ==
+          Approx(1).margin(0.02));
   CHECK((by_mount || by_stage));
 }
 

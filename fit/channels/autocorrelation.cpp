@@ -28,10 +28,10 @@ struct Block {
 };
 
 /// Sums of products of deviations so many scans apart over the sum of their squares, less what white noise
-/// about its own mean has: normal around that of noise with memory.
-class Memory final : public model::NormalRows {
+/// about its own mean has: normal around that of autocorrelated noise.
+class Autocorrelation final : public model::NormalRows {
  public:
-  explicit Memory(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
+  explicit Autocorrelation(std::vector<Block> blocks) : blocks_(std::move(blocks)) {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const Circumstances anywhere{.time_s = unknown, .clock_s = unknown};
     std::vector<Row> rows;
@@ -44,12 +44,12 @@ class Memory final : public model::NormalRows {
   }
 
   [[nodiscard]] double response(Index row, const Effect& effect) const override {
-    if (!(effect.memory_share > 0) || !(effect.memory_rho > 0)) return 0;
+    if (!(effect.ar1_share > 0) || !(effect.ar1_rho > 0)) return 0;
     const auto [block, band] = places_[static_cast<std::size_t>(row)];
-    const LagSums with = model::lagged_of(blocks_[block].scans, effect.memory_rho),
+    const LagSums with = model::lagged_of(blocks_[block].scans, effect.ar1_rho),
                   white = model::lagged_of(blocks_[block].scans, 0);
     const auto mixed = [&](std::size_t b) {
-      return effect.memory_share * with[b] + (1 - effect.memory_share) * white[b];
+      return effect.ar1_share * with[b] + (1 - effect.ar1_share) * white[b];
     };
     return mixed(band) / mixed(0) - white[band] / white[0];
   }
@@ -87,8 +87,8 @@ std::map<std::pair<int, int>, Summed> by_capture_and_length(const Reduced& reduc
   return all;
 }
 
-/// Bartlett's covariance of the sums, by the memory that is known so far, carried over to their ratios to the
-/// sum of squares.
+/// Bartlett's covariance of the sums, by the autocorrelation that is known so far, carried over to their
+/// ratios to the sum of squares.
 std::optional<Block> block_of(int capture, int scans, const Summed& one, const MeanNoise& noise,
                               double of_neighbours) {
   const LagSums pairs = model::pairs_of(scans), white = model::lagged_of(scans, 0);
@@ -97,8 +97,7 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
     if (pairs[b] > 0) block.bands.push_back(b);
   if (block.bands.empty()) return {};
   const auto count = static_cast<Index>(block.bands.size());
-  const model::LagCovariance of_sums =
-      model::covariance_of_lagged(scans, noise.memory_rho, noise.memory_share);
+  const model::LagCovariance of_sums = model::covariance_of_lagged(scans, noise.ar1_rho, noise.ar1_share);
   block.value.resize(count);
   Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(count, static_cast<Index>(lag_bands.size()));
   for (Index k = 0; k < count; ++k) {
@@ -121,9 +120,9 @@ std::optional<Block> block_of(int capture, int scans, const Summed& one, const M
 
 }  // namespace
 
-model::ChannelKind make_memory() {
+model::ChannelKind make_autocorrelation() {
   model::ChannelKind kind;
-  kind.id = "memory";
+  kind.id = "autocorrelation";
   kind.observable = Observable::time_correlation;
   kind.shows = "correlation";
   kind.rows = [](const Reduced& reduced, const MeanNoise& noise) -> std::unique_ptr<model::ChannelRows> {
@@ -133,7 +132,7 @@ model::ChannelKind make_memory() {
       if (auto block = block_of(key.first, key.second, one, noise, of_neighbours))
         blocks.push_back(std::move(*block));
     if (blocks.empty()) return nullptr;
-    return std::make_unique<Memory>(std::move(blocks));
+    return std::make_unique<Autocorrelation>(std::move(blocks));
   };
   return kind;
 }
