@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "fit/explain/around/around.hpp"
 #include "fit/explain/explanation.hpp"
