@@ -41,24 +41,30 @@ Scored scored(const Session& session, const Design& design, Optimum& there, For 
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (!session.channels()[c] || (steps && design.parts[c].index.empty())) continue;
     const ChannelRows& rows = *session.channels()[c];
+    const std::vector<Index>& index = design.parts[c].index;
+    if (const auto& fixed = design.parts[c].fixed) {
+      s.gradient(index) += there.along[c];
+      s.information(index, index) += fixed->square;
+      if (steps) continue;
+      there.white_residual[c] = rows.white_residual(there.eta[c]);
+      there.white[c] = fixed->white;
+      continue;
+    }
     const Eigen::VectorXd eta = for_new ? rows.feasible(there.eta[c]) : there.eta[c];
     const Eigen::VectorXd at = for_new                   ? rows.expansion_for_new_terms(eta)
                                : what == For::steps      ? rows.expansion_for_steps(eta)
                                : what == For::last_steps ? rows.expansion_for_last_steps(eta)
                                                          : rows.expansion_for_evidence(eta);
-    Squared here;
-    if (!design.parts[c].fixed) here = squared(rows.whitened(design.parts[c].columns, at));
-    const Squared& columns = design.parts[c].fixed ? *design.parts[c].fixed : here;
+    Squared columns = squared(rows.whitened(design.parts[c].columns, at));
     there.white_residual[c] = rows.white_residual(for_new ? at : eta);
     if (for_new)
       there.white_residual[c] += rows.whitened(at - eta, at);
     else if (at != eta)  // the same score over another root of the information
       there.white_residual[c] = there.white_residual[c].cwiseProduct(
           rows.information(eta).cwiseQuotient(rows.information(at)).cwiseSqrt());
-    const std::vector<Index>& index = design.parts[c].index;
     s.gradient(index) += columns.white.transpose() * there.white_residual[c];
     s.information(index, index) += columns.square;
-    if (!steps) there.white[c] = columns.white;
+    if (!steps) there.white[c] = std::move(columns.white);
   }
   return s;
 }
@@ -124,8 +130,14 @@ Eigen::VectorXd within_bounds(const Design& design, const Eigen::VectorXd& x) {
   return x.cwiseMax(design.lower).cwiseMin(design.upper);
 }
 
+void sum_up(const Design& design, Optimum& there) {
+  there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
+  there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
+}
+
 /// With the log of the posterior density there, up to a constant of the priors. `before`: anywhere else in
-/// the same design, or null; channels without columns are there as they are here.
+/// the same design, or null; channels without columns are there as they are here. Where the information is
+/// fixed, the log-likelihood is a parabola about that, and the predictor is left out.
 Optimum judged_at(const Session& session, const Design& design, const Eigen::VectorXd& x,
                   const Optimum* before) {
   Optimum there;
@@ -133,15 +145,37 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
   for (std::size_t c = 0; c < design.parts.size(); ++c) {
     if (before && design.parts[c].index.empty()) {
       there.eta.push_back(before->eta[c]);
+      there.along.push_back(before->along[c]);
       there.of_channel.push_back(before->of_channel[c]);
+      continue;
+    }
+    const auto& fixed = design.parts[c].fixed;
+    if (before && fixed) {
+      const Eigen::VectorXd by = (there.x - before->x)(design.parts[c].index), bent = fixed->square * by;
+      there.eta.emplace_back();
+      there.along.push_back(before->along[c] - bent);
+      there.of_channel.push_back(before->of_channel[c] + by.dot(before->along[c] - 0.5 * bent));
       continue;
     }
     const auto& rows = session.channels()[c];
     there.eta.push_back(rows ? predictor(design.parts[c], there.x) : Eigen::VectorXd());
+    there.along.push_back(fixed
+                              ? Eigen::VectorXd(fixed->white.transpose() * rows->white_residual(there.eta[c]))
+                              : Eigen::VectorXd());
     there.of_channel.push_back(rows ? rows->log_likelihood(there.eta[c]) : 0);
   }
-  there.log_likelihood = std::accumulate(there.of_channel.begin(), there.of_channel.end(), 0.0);
-  there.log_posterior = there.log_likelihood - 0.5 * (there.x - design.mean).squaredNorm();
+  sum_up(design, there);
+  return there;
+}
+
+/// With the predictors that were left out.
+Optimum completed(const Session& session, const Design& design, Optimum there) {
+  for (std::size_t c = 0; c < design.parts.size(); ++c) {
+    if (!design.parts[c].fixed || design.parts[c].index.empty()) continue;
+    there.eta[c] = predictor(design.parts[c], there.x);
+    there.of_channel[c] = session.channels()[c]->log_likelihood(there.eta[c]);
+  }
+  sum_up(design, there);
   return there;
 }
 
@@ -223,7 +257,7 @@ Optimum optimum_of(const Session& session, const Design& design, const Eigen::Ve
     for (const double size : of_usual) look_at(size);
     if (higher) now = climbed(session, design, std::move(*higher));
   }
-  return now;
+  return completed(session, design, std::move(now));
 }
 
 Optimum expanded_for_new_terms(const Session& session, const Design& design, const Optimum& optimum) {

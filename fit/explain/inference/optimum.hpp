@@ -47,6 +47,8 @@ struct Optimum {
   std::vector<Eigen::VectorXd> eta;
   std::vector<Eigen::MatrixXd> white;  ///< Columns of every channel, whitened there.
   std::vector<Eigen::VectorXd> white_residual;
+  /// Gradient of each channel's log-likelihood by its columns' coefficients, where the information is fixed.
+  std::vector<Eigen::VectorXd> along;
   std::vector<Eigen::VectorXd>
       root;  ///< Of the information of independent rows; only if expanded for new terms.
   Eigen::LLT<Eigen::MatrixXd> factor;  ///< Of the information with the priors'.
