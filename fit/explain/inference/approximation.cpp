@@ -24,8 +24,7 @@ std::vector<Quadratic> Approximation::projected_at(std::size_t first, std::size_
   std::vector<Eigen::MatrixXd> white(session_->channels().size());
   for (std::size_t c = 0; c < white.size(); ++c)
     for (std::size_t i = 0; i < count; ++i) {
-      const Session::AtStart& at = (*starts[i])[c];
-      const Eigen::MatrixXf& columns = at.white.size() > 0 ? at.white : at.columns;
+      const Eigen::MatrixXf& columns = (*starts[i])[c].columns;
       const Index n = columns.cols();
       if (n == 0) break;
       if (i == 0) white[c].resize(columns.rows(), static_cast<Index>(count) * n);
@@ -47,7 +46,7 @@ std::vector<Quadratic> projected(const Fitted& fitted, const Optimum& around,
   for (std::size_t c = 0; c < columns.size(); ++c) {
     if (columns[c].cols() == 0) continue;
     const Index n = columns[c].cols() / terms;
-    const bool is_known = !starts.empty() && (*starts.front())[c].white.size() > 0;
+    const bool is_known = !starts.empty() && (*starts.front())[c].with_base.size() > 0;
     const Index known = is_known ? (*starts.front())[c].with_base.rows() : 0,
                 others = around.white[c].cols() - known;  // the base comes first
     Eigen::MatrixXd with(known + others, columns[c].cols());

@@ -151,10 +151,10 @@ Optimum judged_at(const Session& session, const Design& design, const Eigen::Vec
     }
     const auto& fixed = design.parts[c].fixed;
     if (before && fixed) {
-      const Eigen::VectorXd by = (there.x - before->x)(design.parts[c].index), bent = fixed->square * by;
+      const Eigen::VectorXd by = (there.x - before->x)(design.parts[c].index), change = fixed->square * by;
       there.eta.emplace_back();
-      there.along.push_back(before->along[c] - bent);
-      there.of_channel.push_back(before->of_channel[c] + by.dot(before->along[c] - 0.5 * bent));
+      there.along.push_back(before->along[c] - change);
+      there.of_channel.push_back(before->of_channel[c] + by.dot(before->along[c] - 0.5 * change));
       continue;
     }
     const auto& rows = session.channels()[c];

@@ -363,23 +363,23 @@ std::vector<Candidate> screen(const Session& session, const Fitted& fitted, cons
   for (const Kind& kind : session.kinds())
     if (&kind != but && !is_there(kind)) asked.push_back(&kind);
   std::ranges::stable_sort(asked, std::greater<>(), [](const Kind* kind) { return kind->starts.size(); });
-  std::vector<ScoreTest> questions;
-  for (const Kind* kind : asked) questions.emplace_back(session, fitted, *around, *kind);
-  on_two_cores(questions.size(), [&](std::size_t i) { questions[i].test_starts(); });
-  std::ranges::sort(questions, std::greater<>(), &ScoreTest::upper_bound);
+  std::vector<ScoreTest> tests;
+  for (const Kind* kind : asked) tests.emplace_back(session, fitted, *around, *kind);
+  on_two_cores(tests.size(), [&](std::size_t i) { tests[i].test_starts(); });
+  std::ranges::sort(tests, std::greater<>(), &ScoreTest::upper_bound);
   std::vector<ScoreTest*> promising;
   std::size_t names = 2 * numbers::tries, forms = numbers::tries;
-  for (ScoreTest& q : questions) {
-    std::size_t& left = q.is_form() ? forms : names;
+  for (ScoreTest& test : tests) {
+    std::size_t& left = test.is_form() ? forms : names;
     if (left == 0) continue;
     --left;
-    promising.push_back(&q);
+    promising.push_back(&test);
   }
   on_two_cores(promising.size(), [&](std::size_t i) {
     promising[i]->is_form() ? promising[i]->refine_places() : promising[i]->refine_best();
   });
   std::vector<Candidate> list;
-  for (const ScoreTest& q : questions) list.push_back(q.answer());
+  for (const ScoreTest& test : tests) list.push_back(test.answer());
   std::ranges::sort(list, std::greater<>(), &Candidate::log_posterior);
   return list;
 }

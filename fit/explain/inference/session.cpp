@@ -144,21 +144,21 @@ const std::vector<Session::AtStart>& Session::at_start(const Kind& kind, std::si
     AtStart& at = by_start[start][c];
     if (!kind.acts_in[c]) continue;
     const ChannelRows& rows = *channels_[c];
+    const auto& base = white_base_[c];
     if (at.columns.rows() == 0) {
-      at.columns = model::columns_of(rows, kind, kind.starts[start], &kind.acts_in[c]).cast<float>();
+      Eigen::MatrixXd columns = model::columns_of(rows, kind, kind.starts[start], &kind.acts_in[c]);
+      if (base) {
+        columns = rows.whitened(std::move(columns), {});
+        at.square = square_of_columns(columns);
+      }
+      at.columns = columns.cast<float>();
       if (kind.acts_in[c].without_size) {
         const Eigen::VectorXd effect = model::effect_without_size(rows, kind, kind.starts[start]);
         if (!effect.isZero(0)) at.without_size = effect.cast<float>();
       }
     }
-    if (!white_base_[c]) continue;
-    if (at.white.rows() == 0) {
-      const Eigen::MatrixXd white = rows.whitened(at.columns.cast<double>(), {});
-      at.square = square_of_columns(white);
-      at.white = white.cast<float>();
-    }
-    if (at.with_base.cols() == 0)
-      at.with_base = transpose_product(white_base_[c]->white, at.white.cast<double>());
+    if (base && at.with_base.cols() == 0)
+      at.with_base = transpose_product(base->white, at.columns.cast<double>());
   }
   return by_start[start];
 }
@@ -168,8 +168,7 @@ void Session::keep_starts(std::size_t channel, bool same_rows, bool same_noise) 
     for (auto& by_channel : by_start) {
       AtStart& at = by_channel[channel];
       // A little farther on columns change by less than a screen asks for.
-      if (!same_rows) at = {};
-      if (!same_noise) at.white = {};
+      if (!same_rows || (white_base_[channel] && !same_noise)) at = {};
       at.with_base = {};
     }
 }

@@ -69,10 +69,11 @@ class Session {
   [[nodiscard]] std::shared_ptr<const std::vector<Kind>> shared_kinds() const { return kinds_; }
   /// What a kind does at one of its starts in one channel.
   struct AtStart {
-    Eigen::MatrixXf columns;       ///< Per coefficient, as the first linearisation with these rows had them.
+    /// Per coefficient, as the first linearisation with these rows had them; whitened, as the first one with
+    /// this noise had them, where the information is fixed.
+    Eigen::MatrixXf columns;
     Eigen::VectorXf without_size;  ///< Whatever its sizes are; empty where that is nothing.
-    /// Where the information is fixed: the columns with it, their products, and those with the base's.
-    Eigen::MatrixXf white;
+    /// Where the information is fixed: the columns' products, and those with the base's.
     Eigen::MatrixXd square, with_base;
   };
   /// By channel; one kind must not be asked for by two threads at once.

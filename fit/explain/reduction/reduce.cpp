@@ -209,6 +209,8 @@ void reduce_into(Reduced& reduced, const Recording& recording, const Progress& p
   Reducer reducer(recording, standing, reduced, keep_samples);
   for (std::size_t i = 0; i < captures; ++i) {
     reducer.capture(i);
+    // A list that grows holds its cells twice meanwhile.
+    if (i == 0) reduced.cells.reserve(first_cell + (reduced.cells.size() - first_cell) * captures * 17 / 16);
     if (progress && i % 8 == 0) progress(static_cast<double>(i) / static_cast<double>(captures), "reading");
   }
   if (!reduced.has_intensity) expect_echoes(reduced, first_cell);
